@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from cpbench.bench.events import EventHandler, Solving, ignore_event
-from cpbench.bench.history import History, derived_rows
 from cpbench.bench.messages import Prepared
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
@@ -52,14 +51,11 @@ class Block:
         return self._only(left, {**self.known, **endings}) if left else None
 
     def cut(self, count: int) -> tuple[Block, Block | None]:
-        """Split it after `count` pairs, at least one, or later where a history answers for several.
+        """Split it after `count` pairs, at least one.
 
         Of a chained block the second part cannot be run before the first has ended (`rest`).
         """
         count = max(count, 1)
-        # variants are neighbours, and the tightest, which answers for the others, is the first
-        while 0 < count < len(self.pairs) and variant(self.pairs[count]) == variant(self.pairs[count - 1]):
-            count += 1
         first, others = self.pairs[:count], self.pairs[count:]
         return self._only(first, self.known), self._only(others, self.known) if others else None
 
@@ -89,7 +85,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
 
     Problems are shuffled, and the solvers within each: a drift of the machine then touches all solvers of a problem
     alike, and every conversion is done once. With the start policy `previous` sequences are shuffled, not their
-    steps; where histories are kept, the tightest of several tolerances comes first.
+    steps.
 
     ending : returns status and answer of a row that is not pending.
     """
@@ -104,8 +100,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
     for name in names:
         members = grouped[name]
         draw.shuffle(members)
-        place = {variant(p): k for k, p in enumerate(members)}
-        members.sort(key=lambda p: (p.step if p.scene else 0, place[variant(p)], p.tolerance))
+        members.sort(key=lambda p: p.step if p.scene else 0)
         todo = tuple(p for p in members if p.key in pending)
         if todo:
             keys = {p.key for p in todo}
@@ -127,7 +122,6 @@ def run(slot: Slot, block: Block, on_event: EventHandler = ignore_event) -> Iter
     started = set[str]()
     prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
     endings: dict[str, Ending] = dict(block.known)
-    derived: dict[str, Outcome] = {}
     held: tuple[str, str | None] = ("", None)
     for pair in block.pairs:
         name = pair.entry.solver
@@ -137,36 +131,13 @@ def run(slot: Slot, block: Block, on_event: EventHandler = ignore_event) -> Iter
         if (pair.address, pair.format) != held:  # the referee holds one problem
             held, prepared = (pair.address, pair.format), {}
         where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)
-        outcome = derived.pop(pair.key, None)
-        if outcome is None and where not in prepared:
+        if where not in prepared:
             prepared[where] = slot.prepare(pair)
         on_event(Solving(pair))  # after the conversion, which belongs to no solver
-        if outcome is None:
-            before = block.before.get(pair.key)
-            outcome = slot.run(pair, prepared[where], before and (before, *endings[before.key]))
-            derived |= _looser(pair, outcome, block.pairs)
+        before = block.before.get(pair.key)
+        outcome = slot.run(pair, prepared[where], before and (before, *endings[before.key]))
         endings[pair.key] = (outcome.status, outcome.answer)
         yield pair, outcome
-
-
-def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Outcome]:
-    """Return the outcomes, by key, of pairs with looser tolerances, where the history of this one holds them."""
-    if outcome.history is None:
-        return {}
-    wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and variant(p) == variant(pair)}
-    rows = derived_rows(outcome, History.unpack(outcome.history), wanted)
-    limit = pair.limits.seconds
-    return {wanted[t]: row for t, row in rows.items() if (row.setup or 0.0) + (row.solve or 0.0) <= limit}
-
-
-def variant(pair: Pair) -> tuple[Any, ...]:
-    """Return what pairs have in common that differ by their tolerance alone, so that one history answers for all.
-
-    Without a history, or where other steps start from a pair, every pair is a separate variant.
-    """
-    if not pair.limits.history or pair.scene:
-        return (pair.key,)
-    return (pair.set, pair.address, pair.label, pair.start, pair.measure)
 
 
 def predecessors(members: Sequence[Pair]) -> dict[str, Pair]:

@@ -1,31 +1,27 @@
 """The way of one solve to its answer: iterates kept while it runs, judged afterwards on the problem that was asked.
 
 The worker records (`recorded`), in a separate solve after those that are timed. The referee measures every iterate
-that was kept (`RecordedIterates`, `History`), so that what a solver tells of itself is never needed. One run at a tight
-tolerance then gives the rows of the looser ones (`derived_rows`).
+that was kept (`RecordedIterates`, `History`), so that what a solver tells of itself is never needed.
 """
 
 from __future__ import annotations
 
 import gc
-import json
 import math
 import time
 import zlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cpbench.bench.messages import JudgeHistory, Recorded
-from cpbench.bench.results.rows import Outcome
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import frames
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
-from cpbench.verification import Status
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,8 +32,6 @@ BYTES = 32e6
 """Bytes of iterates kept, where that is more than LEAST of them."""
 FINEST = 1e-4
 """Seconds below which times count as equal when iterates are thinned."""
-FLAG = "history"
-"""Flag of a row that was not run but read off the history of a tighter one."""
 
 
 class IterateRecorder:
@@ -183,11 +177,6 @@ class History:
     cost: float = 0.0
     calls: int = 0
 
-    def first(self, tolerance: float) -> int | None:
-        """Place of the first iterate that solves the problem at this tolerance, None when there is none."""
-        good = np.flatnonzero(self.error <= tolerance)
-        return int(good[0]) if good.size else None
-
     def pack(self) -> bytes:
         """Pack into one compressed blob."""
         header = {"flags": self.flags, "solve": self.solve, "cost": self.cost, "calls": self.calls}
@@ -230,45 +219,6 @@ def coarse_to_fine(count: int) -> list[int]:
             order.append(middle)
             gaps += [(low, middle), (middle, high)]
     return order
-
-
-def derived_rows(row: Outcome, history: History, tolerances: Iterable[float]) -> dict[float, Outcome]:
-    """Return the outcomes of looser tolerances, by tolerance, read off the history of a run at a tight one.
-
-    A tolerance that the history does not reach has no row: it is to be run. Times are shares of the recorded solve,
-    charged to the time of the one that was timed. They say when an iterate was good enough for us, which the solver,
-    asked for less, may have noticed later.
-    """
-    rows: dict[float, Outcome] = {}
-    scale = row.solve / history.solve if row.solve and history.solve > 0 else 1.0
-    for tolerance in tolerances:
-        k = history.first(tolerance)
-        if k is None:
-            continue
-        seconds, earlier = scale * history.time[k], scale * history.time[k - 1] if k else 0.0
-        flags = [flag for flag in history.flags[k].split(",") if flag]
-        rows[tolerance] = replace(
-            row,
-            **dict.fromkeys(OWN),
-            status=str(Status.STATIONARY if "stationary" in flags else Status.SOLVED),
-            error=float(history.error[k]),
-            flags=",".join([*flags, FLAG]),
-            solve=float(seconds),
-            counters=json.dumps({"iterations": int(history.iteration[k])}),
-            message=f"read off the history of a tighter run: solved after {earlier:.3g} to {seconds:.3g} s",
-            claim="",
-            parts="{}",
-            samples="[]",
-            repeats=0,
-        )
-    return rows
-
-
-OWN = (
-    "target_error", "target_tolerance", "solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code",
-    "loadavg", "attempts", "answer", "history", "proof", "certainty", "distance", "certificate",
-)  # fmt: skip
-"""Fields of an outcome that hold for the run that made it and for nothing that is read off its history."""
 
 
 def table(histories: Iterable[tuple[str, bytes]]) -> pd.DataFrame:

@@ -99,7 +99,7 @@ def test_a_report_shows_the_histories_it_is_given(tmp_path: Path) -> None:
     assert "Error against time" not in without + (tmp_path / "without" / "details-lcp.md").read_text()
 
 
-def test_a_row_read_off_a_history_claims_nothing() -> None:
-    rows = table(row("p", "s", "solved", 1.0), row("q", "s", "solved", 1.0, claim="", flags="history"))
+def test_a_row_without_a_claim_claims_nothing() -> None:
+    rows = table(row("p", "s", "solved", 1.0), row("q", "s", "solved", 1.0, claim=""))
     found = reliability.claims(rows)
     assert (found.at["s", "true"], found.at["s", "modest"]) == (1, 0)

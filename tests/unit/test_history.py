@@ -1,4 +1,4 @@
-"""Histories: what is kept of a solve, how it is judged, and what looser tolerances take from it."""
+"""Histories: what is kept of a solve, and how it is judged."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import history as histories
-from cpbench.bench.history import History, IterateRecorder, coarse_to_fine, derived_rows, recorded
+from cpbench.bench.history import History, IterateRecorder, coarse_to_fine, recorded
 from cpbench.bench.messages import JudgeHistory, Recorded, RefereeCase
 from cpbench.bench.planning import plan
 from cpbench.bench.referee import Referee
-from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint
@@ -30,8 +29,8 @@ LEEWAY = 100.0
 
 
 def _time_to(history: History, tolerance: float) -> float:
-    k = history.first(tolerance)
-    return math.inf if k is None else float(history.time[k])
+    good = np.flatnonzero(history.error <= tolerance)
+    return float(history.time[good[0]]) if good.size else math.inf
 
 
 class Clock:
@@ -240,7 +239,6 @@ def test_a_liar_gets_its_true_errors(scene: Any) -> None:
     wrong = LCP(M=np.eye(1), q=np.array([-2.5]))
     history = scene(wrong, "lcp").judged(recorded(Liar(), wrong, Budget(), None, None))
     assert _time_to(history, 1e-2) == math.inf
-    assert derived_rows(Outcome(solve=1.0), history, [1e-2, 1e-4]) == {}
 
 
 def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
@@ -281,7 +279,7 @@ def test_cut_anywhere_the_judged_iterates_are_spread(count: int) -> None:
         assert gaps.max() <= 2 * gaps.min() + 2
 
 
-# ------------------------------------------------------------------------------------------- storage, looser rows
+# ------------------------------------------------------------------------------------------- storage
 
 
 def test_packed_and_unpacked() -> None:
@@ -307,32 +305,6 @@ def test_packed_and_unpacked() -> None:
     assert found["key"].tolist() == ["k1", "k1", "k2", "k2"]
     np.testing.assert_allclose(found["share"], [0.4, 0.8, 0.4, 0.8])
     assert list(histories.table([]).columns) == list(found.columns)
-
-
-def test_looser_rows_are_read_off() -> None:
-    history = History(
-        time=np.array([0.0, 1.0, 2.0, 4.0]),
-        iteration=np.array([0.0, 3.0, 6.0, 12.0]),
-        residual=np.full(4, math.nan),
-        error=np.array([1.0, 1e-3, 1e-5, 1e-9]),
-        flags=("", "", "stationary", "stationary"),
-        solve=4.0,
-    )
-    row = {
-        "status": "timeout", "solve": 2.0, "setup": 0.25, "convert": 0.5, "lift": 0.125, "route": "direct",
-        "claim": "solved", "flags": "repeat", "samples": "[2.0]", "repeats": 3,
-        "solve_iqr": 0.1, "message": "killed", "cpu": 9.0,
-    }  # fmt: skip
-    rows = derived_rows(Outcome(**row), history, [1e-2, 1e-4, 1e-12])
-    assert sorted(rows) == [1e-4, 1e-2]
-    loose, tight = rows[1e-2], rows[1e-4]
-    assert (loose.status, loose.error, loose.flags, loose.solve) == ("solved", 1e-3, "history", 0.5)
-    assert (tight.status, tight.error, tight.flags) == ("stationary", 1e-5, "stationary,history")
-    assert (tight.solve, tight.setup, tight.convert, tight.lift) == (1.0, 0.25, 0.5, 0.125)
-    assert tight.counters == '{"iterations": 6}'
-    assert (tight.samples, tight.repeats, tight.solve_iqr, tight.cpu) == ("[]", 0, None, None)
-    assert "0.5 to 1 s" in tight.message
-    assert tight.claim == ""
 
 
 def _easy(rng: np.random.Generator, node: str) -> Any:
@@ -364,9 +336,8 @@ def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.
         assert history.residual[end] <= tolerance
         assert abs(history.iteration[end] - alone) <= 2 + alone / 4, tolerance
         assert history.error[end] <= LEEWAY * tolerance
-        k = history.first(tolerance)
-        assert k is not None
-        assert history.residual[k] <= LEEWAY * tolerance
+        first = np.flatnonzero(history.error <= tolerance)[0]
+        assert history.residual[first] <= LEEWAY * tolerance
 
 
 @pytest.mark.needs("cpbench_solvers")
