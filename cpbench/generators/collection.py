@@ -20,7 +20,7 @@ from cpbench.storage.collections import PREFIX, added
 NAME, VERSION = "cpbench-collection", "2026.12"
 """Name of the collection; its version changes when problems are added, changed or removed."""
 PROOFS = "proofs.toml"
-"""File, among the built-in problems, of what is proved of them; `tests/bench/certified.py --save` writes it."""
+"""File, among the built-in problems, of what is proved of them; `benchmarks/certified.py --save` writes it."""
 TIER_SHEETS = "tiers"
 """Folder, among the built-in problems, of the sheets of problems that are not shipped."""
 

@@ -1,4 +1,4 @@
-"""The page on how hard the tiers of the collection are, from the tables that `tests/bench/difficulty.py` wrote.
+"""The page on how hard the tiers of the collection are, from the tables that `benchmarks/difficulty.py` wrote.
 
 python docs/generate/difficulty_page.py     # writes reports/standard/difficulty.md
 """
@@ -98,7 +98,7 @@ def page() -> str:
             "## Families of the standard tier",
             table(FAMILY_HEAD, _families(families)),
             "## How to repeat it",
-            "`python tests/bench/difficulty.py --help` has the commands; `python docs/generate/difficulty_page.py` "
+            "`python benchmarks/difficulty.py --help` has the commands; `python docs/generate/difficulty_page.py` "
             "writes this page from the tables beside it.",
         ]
     )

@@ -1,4 +1,4 @@
-"""The page of motions with a closed form, made from the table that `tests/bench/motion.py` measured."""
+"""The page of motions with a closed form, made from the table that `benchmarks/motion.py` measured."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ step, as [the verdict](verdict.md) measures it, with a star where a step misses 
 answer, and the bodies could not move on."""
 OUTLOOK = """## How to repeat it
 
-`python tests/bench/motion.py FOLDER` measures the table and draws the figure; `--solver NAME` takes others.
+`python benchmarks/motion.py FOLDER` measures the table and draws the figure; `--solver NAME` takes others.
 `cpbench generate --scene NAME -o FILE` writes scenes that move in the same way (towers, arches, chains, heaps, ...) as
 sequences of contact problems."""
 ROUNDING = 1e-10

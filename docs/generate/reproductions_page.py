@@ -1,4 +1,4 @@
-"""Pages of published results that were measured again, from the tables that `tests/bench/reproductions.py` wrote.
+"""Pages of published results that were measured again, from the tables that `benchmarks/reproductions.py` wrote.
 
     python docs/generate/reproductions_page.py     # writes reports/reproductions/NAME.md
 
@@ -58,7 +58,7 @@ def text(name: str) -> str:
         differs,
     ]
     if (FOLDER / f"{name}.csv").exists():
-        again = f"`python tests/bench/reproductions.py {name}` runs the plan `{name}.toml`"
+        again = f"`python benchmarks/reproductions.py {name}` runs the plan `{name}.toml`"
         parts += ["## How to repeat it", f"{again}, and `python docs/generate/reproductions_page.py` writes this page."]
     return "\n\n".join(parts)
 

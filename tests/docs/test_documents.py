@@ -45,6 +45,12 @@ def command_lines(page: Path, *languages: str) -> list[str]:
     return [line.partition("  #")[0].strip() for line in text.splitlines() if line.startswith("cpbench ")]
 
 
+def test_each_script_that_measures_is_named_with_its_question() -> None:
+    page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+\.py)`", page))
+    assert named == {path.name for path in (ROOT / "benchmarks").glob("*.py")}
+
+
 def test_the_readme_is_a_page_and_no_book() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted_causes
 import pytest
 from command_line import cpbench as command
 
@@ -17,9 +17,6 @@ from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.causes.iterates import period
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.scaled import scaled
-
-sys.path.append(str(Path(__file__).parents[1] / "bench"))
-import planted_causes
 
 SPIN = cp.LCP(M=[[1.0, 1.0], [-1.0, 1.0]], q=[-3.0, -1.0], name="spin")
 """Gauss and Seidel's sweeps go to and fro: from z = 0 to (3, 4), and back."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import cpbench as command
+from planted_causes import local, tower
 
 import cpbench as cp
 from cpbench.cli.steps import Steps
@@ -29,9 +29,6 @@ from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.even_masses import even_masses
 from cpbench_lab.diagnosis.uniform import uniform
-
-sys.path.append(str(Path(__file__).parents[1] / "bench"))
-from planted_causes import local, tower
 
 SLOW = cp.LCP(M=[[1.0, -0.99999], [-0.99999, 1.0]], q=[-1.0, 0.9], name="slow")
 """z = (1 − 0.9 c, c − 0.9)/(1 − c²), c = 0.99999; each sweep of Gauss and Seidel leaves c² of the error."""

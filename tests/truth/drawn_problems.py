@@ -2,15 +2,13 @@
 
     PYTHONPATH=.:tests/invariance python tests/truth/drawn_problems.py --drawn SEED [--eps 1e-6] [--seconds 2]
 
-The builders are those of `tests/bench/unseen_algebra.py` and `unseen_scenes.py`.
+The builders are those of `unseen_algebra.py` and `unseen_scenes.py`.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import complementary_bases
@@ -19,12 +17,13 @@ import equivalent_edges
 import measure
 import numpy as np
 import qp_rewritings
+import unseen_algebra
+import unseen_scenes
 from collect import collect
 from qp_literature import unknown_sizes
 
 from cpbench.conversions.base import make
 
-BENCH = Path(__file__).resolve().parents[1] / "bench"
 QPS = ("predictive_control", "support_vectors", "portfolio", "nonnegative_fit", "degenerate_vertex")
 MIXED = ("circuit", "trade", "mixed")
 KINDS = ("qp", "qp", "qp", "qp", "qp", "mlcp", "mlcp", "mlcp", "scene", "scene", "scene", "scene")
@@ -34,10 +33,6 @@ LEAST, MOST = 8, 60
 
 def drawn(seed: int) -> Iterator[tuple[str, Any]]:
     """Yield five QPs, three MLCPs and four scenes in global form, with names that tell builder and place."""
-    sys.path.append(str(BENCH))
-    import unseen_algebra
-    import unseen_scenes
-
     rng = np.random.default_rng(seed)
     for place, kind in enumerate(KINDS):
         size = int(rng.integers(LEAST, MOST))

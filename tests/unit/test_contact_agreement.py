@@ -1,24 +1,24 @@
-"""Contact problems solved as micp, cp, vi and qvi and natively: the answers agree, by the error on the contact problem.
-
-The table of all solvers and files, with those that do not agree: tests/bench/contact_agreement.py.
-"""
+"""Contact problems solved as micp, cp, vi, qvi and natively: the answers agree, by the error on the contact problem."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from tiers import some_by_day
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
-from contact_agreement import ASKED, REACHED, SOLVED, converted, error_of  # pyright: ignore[reportMissingImports]
-
-from cpbench import storage
-from cpbench.solvers import Budget, solvers
+from cpbench import graph, storage
+from cpbench.conversions.base import make
+from cpbench.errors import CpbenchError
+from cpbench.formulations import FrictionContact, Point, Problem
+from cpbench.solvers import Budget, Solver, solvers
 from cpbench.testing import planted
 
+REACHED = {"micp": ("micp",), "cp": ("cp", "vi"), "vi": ("vi",), "qvi": ("qvi",)}
+"""Nodes whose solvers answer for a node."""
+SOLVED, ASKED = 1e-8, 1e-11
 BUDGET = Budget(tolerance=ASKED, seconds=60.0)  # whoever ends at all takes a second or two where nobody else is at work
 FIRST = ("newton-min-micp", "newton-vi", "newton-qvi")
 """Solvers that are asked before others: they solve nearly all."""
@@ -41,6 +41,26 @@ SMALL = [
 """Real files that are quick."""
 STIFF = ["OneObject-i100000-316.hdf5.dat", "fclib_local_problem_test.hdf5"]
 """Those on which Gauss–Seidel ends at 1e-3 and 1e-6."""
+
+
+def converted(problem: FrictionContact, node: str) -> Iterator[tuple[Solver, Problem]]:
+    """Every solver of ours that answers for a node, with the problem that it gets."""
+    target = make(f"fc-{node}", {}).step(problem)
+    for solver in solvers:
+        ours = type(solver).__module__.startswith("cpbench_solvers.")
+        if ours and solver.spec.node in REACHED[node]:
+            yield solver, graph.arrive(target, solver.spec.node).problem
+
+
+def error_of(
+    problem: FrictionContact, solver: Solver, target: Problem, budget: Budget, start: Point | None = None
+) -> float:
+    """Of the answer, on the contact problem; ∞ where there is none."""
+    try:
+        point = solver.run(target, budget, start=start).point
+    except CpbenchError:
+        return math.inf
+    return math.inf if point is None else problem.residuals(graph.lift(target, point)).error
 
 
 def solved_by(problem, node):
