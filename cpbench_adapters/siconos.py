@@ -103,8 +103,6 @@ class SiconosSolver(ServedSolver):
     own_clock: ClassVar[bool] = True
     node: ClassVar[str]
     test: ClassVar[ErrorTest]
-    carried_by: ClassVar[str] = "npy-dir"
-    """The exchange."""
 
     def __init__(self, row: SiconosEntry) -> None:
         self.row = row
@@ -121,7 +119,7 @@ class SiconosSolver(ServedSolver):
             known_failures=row.known_failures,
         )
         guest = (str(GUEST), row.constant, "--storage", row.storage)
-        super().__init__(spec, (interpreter(), *guest), self.carried_by, env={"PYTHONDONTWRITEBYTECODE": "1"})
+        super().__init__(spec, (interpreter(), *guest), env={"PYTHONDONTWRITEBYTECODE": "1"})
 
     def obstacle(self, problem: Any) -> str | None:
         if not sum(problem.point_sizes.values()):

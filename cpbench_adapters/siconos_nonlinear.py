@@ -26,7 +26,6 @@ LARGEST = 1000
 class SiconosNonlinear(SiconosSolver):
     """A solver that calls F back, and F′ unless it only projects."""
 
-    carried_by = "npy-map"
     test = ErrorTest("norm of the solver's own function of (z, F), absolute", MAP)
 
     def obstacle(self, problem: Any) -> str | None:

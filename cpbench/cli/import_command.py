@@ -39,7 +39,6 @@ SHOWN = 10
 @click.option("-o", "--output", required=True, type=FILE, help="Results file.")
 @click.option("--machine", default=ELSEWHERE, show_default=True, metavar="TEXT", help="Machine of the answers.")
 @click.option("--threads", type=COUNT, default=1, show_default=True, help="Number of threads of the solver.")
-@click.option("--exchange", metavar="NAME", help="Form of the answers; default: by their content.")
 @measure_option
 @tolerance_option
 @format_option
@@ -52,7 +51,6 @@ def command(
     output: Path,
     machine: str,
     threads: int,
-    exchange: str | None,
     measure: str | None,
     tolerance: float,
     file_format: str | None,
@@ -60,10 +58,9 @@ def command(
 ) -> None:
     """Judge answers that were computed elsewhere, and put them into a new or existing results file.
 
-    ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint, in any
-    exchange format (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench results
-    export --answers. An answer without a claim (in the table of times, or in claim.json) counts as claimed to be
-    solved.
+    ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint (.h5, .npz,
+    .npy, .csv, .txt, .sol, or a folder of .npy files), or an HDF5 file of cpbench results export --answers. An answer
+    without a claim (in the table of times, or in claim.json) counts as claimed to be solved.
 
     Every problem of a formulation for which there is an answer gets a row; a problem without an answer has the status
     failed. Rows are marked by --machine. With --with-imported, cpbench report ranks their times too.
@@ -79,7 +76,6 @@ def command(
             Origin(solver.strip(), machine.strip(), threads, tolerance, measure),
             format=file_format,
             times=times,
-            exchange=exchange,
             command=shlex.join(["cpbench", *sys.argv[1:]]),
             force=force,
         )

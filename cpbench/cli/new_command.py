@@ -11,7 +11,7 @@ from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FOLDER
 from cpbench.testing import new_ci, new_plugin
 
-LANGUAGES = ("python", "cpp", "julia", "command")
+LANGUAGES = ("python", "cpp", "julia")
 KINDS = ("solver", "conversion", "problem")
 CI = "ci"
 
@@ -24,14 +24,14 @@ CI = "ci"
     type=click.Choice(LANGUAGES),
     default="python",
     show_default=True,
-    help="Language of a solver; command: a shell script. Conversions and problems are Python.",
+    help="Language of a solver. Conversions and problems are Python.",
 )
 @click.option(
     "--node",
     default="lcp",
     show_default=True,
     metavar="NODE",
-    help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp in Python or C++, lcp in other languages.",
+    help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp in Python or C++, lcp in Julia.",
 )
 @click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="CI system.")
 @click.option("--build", default="", metavar="COMMAND", help="Command that builds the solver, for ci.")

@@ -22,7 +22,7 @@ class Exchange(ABC):
     ----------
     name : what a declaration says (``exchange = "npy-dir"``). summary : one line for tables.
     suffix : the end of a path's name, "" for a folder.
-    nodes : the formulations it can carry, None for all. maps : whether it can carry nonlinear maps.
+    nodes : the formulations it can carry, None for all.
     answer_name : the file of an answer, beside the problem, where programs name it; "" where they are given a path.
     """
 
@@ -30,15 +30,12 @@ class Exchange(ABC):
     summary: ClassVar[str]
     suffix: ClassVar[str] = ""
     nodes: ClassVar[frozenset[str] | None] = None
-    maps: ClassVar[bool] = False
     answer_name: ClassVar[str] = ""
 
     def obstacle(self, problem: Problem) -> str | None:
         """Return why it cannot carry a problem, None where it can."""
         if self.nodes is not None and problem.node not in self.nodes:
             return f"the exchange {self.name} carries {', '.join(sorted(self.nodes))}, not {problem.node}"
-        if problem.maps() and not self.maps:
-            return f"the exchange {self.name} carries arrays, and {problem.node} has nonlinear maps; hdf5 carries them"
         return None
 
     def holds_answer(self, path: Path) -> bool:

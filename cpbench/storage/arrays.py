@@ -24,7 +24,8 @@ from cpbench.storage import market_text
 from cpbench.storage.base import read_head, read_text
 from cpbench.storage.text_lines import lines, words
 
-_SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})
+SPARSE = ("data", "indices", "indptr", "shape")
+"""Parts of a sparse matrix NAME: NAME.data, NAME.indices, NAME.indptr, NAME.shape."""
 _EXPANSION = 1100
 """Deflate cannot expand by more than 1032."""
 _ZIP_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, LookupError, struct.error)
@@ -142,7 +143,7 @@ def _read(path: Path) -> Any:
         return _numbers(path, "", read_npy(path, "", path.read_bytes()))
     if suffix == ".npz":
         arrays = read_npz(path)
-        if set(arrays) >= _SPARSE_KEYS:
+        if set(arrays) >= set(SPARSE):
             return sparse_from_parts(path, "", arrays)
         if len(arrays) != 1:
             raise FormatError(

@@ -1,6 +1,6 @@
 """Nonlinear problems of cpbench's nodes as Siconos' problems, whose functions are called back.
 
-A map comes as its list of operations and that of its Jacobian (exchange npy-map). They are evaluated, and sets
+A map comes as its list of operations and that of its Jacobian (exchange npy-dir). They are evaluated, and sets
 projected on, by the modules that cpbench itself does it with, which need NumPy alone; the rest of the package is not
 imported. Jacobians are dense, which all of Siconos' solvers take. What happens in a function that C calls cannot be
 raised there: it is kept, the function gives NaN from then on, and `call` raises it when Siconos returns.

@@ -139,7 +139,7 @@ def _blocks(M: Any, b: int) -> int:
 
 
 def read(folder: Any) -> dict[str, Any]:
-    """Return the arrays of an npy-dir or npy-map: NAME.npy, or NAME.data.npy, .indices.npy, .indptr.npy and
+    """Return the arrays of an npy-dir: NAME.npy, or NAME.data.npy, .indices.npy, .indptr.npy and
     .shape.npy of a CSR; the parts of a map keep their names (F.heads)."""
     data: dict[str, Any] = {}
     for path in sorted(folder.glob("*.npy")):

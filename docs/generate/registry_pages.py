@@ -108,7 +108,7 @@ def formats_page() -> str:
             ),
             "## Exchanges with programs",
             "How a declared solver gets a problem and hands back its answer: the key `exchange` of its table.",
-            table(["exchange", "content", "maps"], ([f"`{e.name}`", e.summary, _yes(e.maps)] for e in exchanges)),
+            table(["exchange", "content"], ([f"`{e.name}`", e.summary] for e in exchanges)),
         ]
     )
 

@@ -297,15 +297,30 @@ def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
     assert run(toy, "git", "status", "--short").stdout == ""
 
 
+PSOR = f"""[solver.psor]
+node = "lcp"
+command = "{sys.executable} psor.py {{problem}} {{answer}}"
+matrices = "dense"
+"""
+SWEEPS = """import sys
+import numpy as np
+M, q = (np.load(f"{sys.argv[1]}/{name}.npy") for name in "Mq")
+z = np.zeros(q.size)
+for _ in range(5000):
+    for i in range(q.size):
+        z[i] = max(0.0, z[i] - (M[i] @ z + q[i]) / M[i, i])
+np.save(f"{sys.argv[2]}/z.npy", z)
+"""
+
+
 @pytest.mark.nightly
 def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
-    if shutil.which("awk") is None:
-        pytest.skip("needs a program: awk")
-    run(toy, "cpbench", "new", "solver", "awk", "--lang", "command", "-o", ".")
+    (toy / "psor.toml").write_text(PSOR)
+    (toy / "psor.py").write_text(SWEEPS)
     commit(toy, "a command")
     run(toy, "git", "branch", "before")
-    run(toy, "cpbench", "new", "ci", "awk.toml", "--host", "gitlab")
-    (toy / "awk.sh").write_text((toy / "awk.sh").read_text().replace("set -eu\n", "set -eu\nexit 3\n"))
+    run(toy, "cpbench", "new", "ci", "psor.toml", "--host", "gitlab")
+    (toy / "psor.py").write_text("raise SystemExit(3)\n")
     commit(toy, "ends at once")
     job = yaml.safe_load((toy / "cpbench.gitlab-ci.yml").read_text())["cpbench"]
     install, compare = job["script"]
@@ -314,7 +329,7 @@ def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
     compare = compare.rstrip() + f" --repeats 1 --problems '{FAST['problems']}'\n"
     said = run(toy, "bash", "-c", compare, rc=1, **here)
     assert "solved → crash" in said.stdout
-    assert (toy / job["artifacts"]["paths"][0] / "awk.xml").read_text().count("<testcase") == 2
+    assert (toy / job["artifacts"]["paths"][0] / "psor.xml").read_text().count("<testcase") == 2
     assert job["artifacts"]["reports"]["junit"] == "compared/*.xml"
 
 

@@ -45,7 +45,7 @@ def test_a_table_becomes_a_solver(tmp_path: Path) -> None:
             [solver.mine]
             node = "mlcp"
             serve = "./bin/mine --serve 'two words'"
-            exchange = "npz"
+            exchange = "npy-dir"
             matrices = "csr"
             summary = "ours"
             licence = "MIT"
@@ -67,7 +67,7 @@ def test_a_table_becomes_a_solver(tmp_path: Path) -> None:
     mine, plain = solvers.get("mine"), solvers.get("plain")
     assert isinstance(mine, ServedSolver)
     assert mine.command == (str(tmp_path / "bin/mine"), "--serve", "two words")
-    assert (mine.exchange, mine.matrices, mine.env, mine.cwd) == ("npz", "csr", {"MARK": "1"}, str(tmp_path))
+    assert (mine.exchange, mine.matrices, mine.env, mine.cwd) == ("npy-dir", "csr", {"MARK": "1"}, str(tmp_path))
     assert (mine.spec.node, mine.spec.summary, mine.spec.licence) == ("mlcp", "ours", "MIT")
     assert (mine.spec.publishing, mine.spec.kind) == ("ask first", Kind.RELAXATION)
     assert mine.spec.traits == {Trait.SPARSE, Trait.WARM_START, Trait.DETERMINISTIC}

@@ -71,8 +71,8 @@ def made(tmp_path: Path) -> Path:
     exchanges.get("npy-dir").write_answer(
         PLANTED["planted-1"][0].point_type(PLANTED["planted-1"][1]), folder / "planted-1"
     )
-    exchanges.get("mtx").write_answer(PLANTED["planted-2"][0].point_type(PLANTED["planted-2"][1]), folder / "planted-2")
-    (folder / "planted-3.json").write_text(json.dumps({"z": PLANTED["planted-3"][1].tolist()}))
+    np.save(folder / "planted-2.npy", PLANTED["planted-2"][1])
+    np.savez(folder / "planted-3.npz", z=PLANTED["planted-3"][1])
     problem, z = PLANTED["planted-4"]
     storage.save_answer(folder / "whatever.h5", problem, problem.point_type(z), {})
     np.savetxt(folder / f"{PLANTED['planted-5'][0].fingerprint[:12]}.csv", PLANTED["planted-5"][1], fmt="%.17g")
@@ -167,7 +167,7 @@ def test_a_given_ending_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) 
     """Whatever is in the folder, also when answers are judged again."""
     z = PLANTED["planted-1"][1]
     (tmp_path / "made").mkdir()
-    (tmp_path / "made" / "planted-1.json").write_text(json.dumps({"z": z.tolist()}))
+    np.save(tmp_path / "made" / "planted-1.npy", z)
     (tmp_path / "made" / "claim.json").write_text('{"planted-1": "memout"}')
     assert run(monkeypatch, tmp_path / "made", "-s", "a", "--problems", asked, "-o", tmp_path / "r.sqlite") == 0
     assert rows(tmp_path / "r.sqlite")["planted-1"]["status"] == "memout"

@@ -23,8 +23,7 @@ from mof_schema import violations
 
 from cpbench import storage
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations import NCP, NLP, QP, QVI, MiCP, NLPPoint, formulations
-from cpbench.formulations.exchange import exchanges
+from cpbench.formulations import NCP, NLP, QP, QVI, MiCP, formulations
 from cpbench.formulations.expressions import Builder, Map, Operator, from_mof, mof_json, to_mof
 from cpbench.formulations.expressions.mof_operators import KNOWN
 from cpbench.testing.cases import draw
@@ -166,20 +165,6 @@ def test_rows_that_share_most_of_themselves_are_one_vector(tmp_path: Path) -> No
     storage.save(problem, path)
     assert path.stat().st_size < 40_000
     assert storage.load(path).fingerprint == problem.fingerprint
-    point = NLPPoint(z=np.arange(n), lam=np.arange(n), mu=[], nu=np.zeros(n))
-    told = {"primal": {f"z[{k + 1}]": k for k in range(n)}, "dual": {"g": list(range(n))}}
-    (tmp_path / "a.json").write_text(json.dumps(told))
-    answer = exchanges.get("mof").read_answer(tmp_path / "a.json", problem)
-    assert all(np.array_equal(answer.arrays()[k], v) for k, v in point.arrays().items())
-
-
-def test_the_answer_of_an_nlp_by_name(tmp_path: Path) -> None:
-    """min (z₁ − 2)² + z₂² with z₁ ≤ 1 as a row and z₂ ≥ 1: z = (1, 1), λ = ν₂ = 2."""
-    z = ca.SX.sym("z", 2)
-    problem = NLP(f=Map.from_casadi(z, (z[0] - 2) ** 2 + z[1] ** 2), g=Map.from_casadi(z, 1 - z[0]), lb=[-np.inf, 1.0])
-    told = {"primal": {"z[1]": 1.0, "z[2]": 1.0}, "dual": {"g[1]": 2.0}, "reduced_cost": {"z[2]": 2.0}}
-    (tmp_path / "a.json").write_text(json.dumps(told))
-    assert problem.residuals(exchanges.get("mof").read_answer(tmp_path / "a.json", problem)).error < 1e-14
 
 
 @pytest.mark.parametrize("node", sorted(set(formulations.names()) - storage.formats.get("mof").writes))
@@ -191,22 +176,6 @@ def test_what_the_format_cannot_say_is_refused_with_a_reason(node: str, tmp_path
         storage.save(draw(node, 0, 2).problem, tmp_path / "p.mof.json")
     assert "\n" not in str(refusal.value)
     assert not (tmp_path / "p.mof.json").exists()
-
-
-@pytest.mark.parametrize("name", ["npy-dir", "npz", "mtx"])
-def test_exchanges_of_arrays_say_that_they_have_no_maps(name: str) -> None:
-    assert "nonlinear maps" in str(exchanges.get(name).obstacle(draw("ncp", 0, 2).problem))
-    assert exchanges.get(name).obstacle(draw("lcp", 0, 2).problem) is None
-
-
-@pytest.mark.parametrize("node", WRITTEN)
-def test_the_exchange_of_models_takes_them(node: str, tmp_path: Path) -> None:
-    problem = draw(node, 1, 3).problem
-    for name in ("mof", "hdf5"):
-        exchange = exchanges.get(name)
-        assert exchange.obstacle(problem) is None
-        exchange.write_problem(problem, tmp_path / f"p{exchange.suffix}")
-        assert exchange.read_problem(tmp_path / f"p{exchange.suffix}").fingerprint == problem.fingerprint
 
 
 # --------------------------------------------------------------------------------------------- the schema

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import h5py
@@ -187,16 +186,16 @@ def test_other_readers_want_the_whole_answer(tmp_path: Path) -> None:
 
 
 def test_imported_unknowns_are_completed_and_the_rows_say_so(tmp_path: Path, asked: Path) -> None:
-    """In every form of an answer: a vector, a folder of .npy and of .mtx files, JSON; beside a whole one."""
+    """In every form of an answer: a vector, a folder, an archive; beside a whole one."""
     made = tmp_path / "made"
     (made / "qp-1").mkdir(parents=True)
     (made / "nlp-0").mkdir()
     np.savetxt(made / "qp-0.csv", CASES["qp-0"][1].z, fmt="%.17g")
     np.save(made / "qp-1" / "z.npy", 1.01 * CASES["qp-1"][1].z)
-    exchanges.get("mtx").write_answer(CASES["nlp-0"][1], made / "nlp-0")
+    exchanges.get("npy-dir").write_answer(CASES["nlp-0"][1], made / "nlp-0")
     for part in ("lam", "mu", "nu"):
-        (made / "nlp-0" / f"{part}.mtx").unlink()
-    (made / "avi-0.json").write_text(json.dumps({"z": CASES["avi-0"][1].z.tolist()}))
+        (made / "nlp-0" / f"{part}.npy").unlink()
+    np.savez(made / "avi-0.npz", z=CASES["avi-0"][1].z)
     results = tmp_path / "r.sqlite"
     done = command(tmp_path, "import", "made", "-s", "mine", "--problems", str(asked), "-o", results.name)
     assert done.returncode == 0, done.stderr

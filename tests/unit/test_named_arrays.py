@@ -21,7 +21,6 @@ from cpbench.errors import FormatError
 from cpbench.formulations import LCP, QP, ConeQP, FrictionContact, formulations
 from cpbench.foundation.product_cones import Cone
 from cpbench.storage import dialects
-from cpbench.storage.exchanges.mtx import MatrixMarket
 
 Arrays = dict[str, Any]
 rng = np.random.default_rng(20261127)
@@ -291,7 +290,7 @@ def test_a_folder_with_a_second_file_of_one_array_is_refused(tmp_path: Path) -> 
 
 
 def test_surplus_arrays_of_cpbench_s_own_files_are_refused(tmp_path: Path) -> None:
-    """The native format, FCLIB's and the folder of Matrix Market files."""
+    """The native format and FCLIB's."""
     problems = (LCP(M=P, q=q), FrictionContact(W=W, q=-np.ones(6), mu=[0.3, 0.5]))
     for number, (problem, groups) in enumerate(zip(problems, (("cpbench",), ("cpbench", "fclib_local")), strict=True)):
         for group in (*groups, *(f"{name}/vectors" for name in groups[-1:])):
@@ -301,12 +300,6 @@ def test_surplus_arrays_of_cpbench_s_own_files_are_refused(tmp_path: Path) -> No
                 file[f"{group}/surplus"] = np.ones(4)
             with pytest.raises(FormatError, match=f"{group}/surplus: is none of "):
                 storage.load(path)
-    folder = tmp_path / "folder"
-    MatrixMarket().write_problem(problems[0], folder)
-    assert storage.load(folder / "problem.json").fingerprint == problems[0].fingerprint
-    scipy.io.mmwrite(folder / "lb.mtx", np.ones((N, 1)))
-    with pytest.raises(FormatError, match=r"lb\.mtx: is no array of lcp \(M, q\)"):
-        storage.load(folder / "problem.json")
 
 
 @pytest.mark.parametrize("half", ["upper", "lower"])

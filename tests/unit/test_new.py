@@ -13,7 +13,6 @@ import pytest
 from command_line import with_plugins
 from tiers import by_night
 
-from cpbench import storage
 from cpbench.cli import main
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
@@ -72,17 +71,6 @@ def test_python_passes_its_checks(tmp_path: Path, kind: str) -> None:
     told = cpbench(tmp_path, "check", "demo-2/demo_2.py").stdout
     assert told.startswith(f"{kind} {'lcp-lcp-' if kind == 'conversion' else ''}demo-2 (lcp")
     assert "passed" in told
-
-
-@pytest.mark.nightly
-def test_a_shell_script_passes_its_checks(tmp_path: Path) -> None:
-    needs(shutil.which("awk"), "awk")
-    cpbench(tmp_path, "new", "solver", "demo", "--lang", "command")
-    cpbench(tmp_path, "check", "demo/demo.toml")
-    storage.save(LCP(M=[[2.0, 1], [1, 2]], q=[-5.0, -6.0]), tmp_path / "deudeu.h5")
-    run = ("solve", "../deudeu.h5", "-s", "demo[omega=1.1]", "--plugin", "demo.toml", "--json")
-    row = json.loads(cpbench(tmp_path / "demo", *run).stdout)
-    assert (row["claim"], row["status"]) == ("solved", "solved")
 
 
 @pytest.fixture(scope="module")
@@ -284,12 +272,12 @@ def test_files_are_replaced_by_force_only(tmp_path: Path) -> None:
     mine = tmp_path / "demo" / "demo.toml"
     mine.parent.mkdir()
     mine.write_text("mine")
-    new = ("new", "solver", "demo", "--lang", "command")
+    new = ("new", "solver", "demo", "--lang", "cpp")
     assert "demo.toml: exists already" in one_line(tmp_path, *new)
     assert [path.name for path in mine.parent.iterdir()] == ["demo.toml"]
     assert mine.read_text() == "mine"
     cpbench(tmp_path, *new, "--force")
-    assert sorted(path.name for path in mine.parent.iterdir()) == ["demo.sh", "demo.toml"]
+    assert sorted(path.name for path in mine.parent.iterdir()) == ["Makefile", "cpbench.hpp", "demo.cpp", "demo.toml"]
     assert mine.read_text() != "mine"
 
 

@@ -185,7 +185,7 @@ def test_the_guest_computes_what_maps_compute(tmp_path: Path) -> None:
     z = np.full(n, 0.5)
     z[0], z[1] = 0.3, 0.7
     wide = Map(n, F.constants, F.heads, *(_moved(F, side, n) for side in (F.left, F.right, F.outputs)))
-    exchanges.get("npy-map").write_problem(NCP(F=wide), tmp_path / "p")
+    exchanges.get("npy-dir").write_problem(NCP(F=wide), tmp_path / "p")
     np.save(tmp_path / "z.npy", z)
     value, jacobian, failure, *imported = in_the_guest(VALUES, str(tmp_path / "p"), str(tmp_path / "z.npy"))
     assert failure == "None"
@@ -199,16 +199,8 @@ def _moved(F: Map, numbers: Any, inputs: int) -> Any:
     return np.where(numbers < F.inputs, numbers, numbers + inputs - F.inputs)
 
 
-@pytest.mark.parametrize("node", some_by_day(["ncp", "micp", "vi", "nlp", "qvi", "ge", "lcp"], 3))
-def test_problems_with_maps_are_read_again_as_they_were(node: str, tmp_path: Path) -> None:
-    exchange = exchanges.get("npy-map")
-    for case in cases(node)[:6]:
-        exchange.write_problem(case.problem, tmp_path / "p")
-        assert exchange.read_problem(tmp_path / "p").fingerprint == case.problem.fingerprint, case.name
-
-
 def test_a_folder_whose_map_is_none_is_refused(tmp_path: Path) -> None:
-    exchange, path = exchanges.get("npy-map"), tmp_path / "p"
+    exchange, path = exchanges.get("npy-dir"), tmp_path / "p"
     for name, value, why in (
         ("F.left", np.array([7]), "not an earlier value"),
         ("F.heads", np.array([99]), "not an operator"),
@@ -250,7 +242,7 @@ def test_a_function_that_fails_is_no_answer(solver: str, which: str, tmp_path: P
     given = problem("ncp-classics", "josephy")
     if solvers.get(solver).spec.node == "micp":
         given = conversions.get("ncp-micp")().apply(given)[0]
-    exchange = exchanges.get("npy-map")
+    exchange = exchanges.get("npy-dir")
     exchange.write_problem(given, tmp_path / "p")
     exchange.write_answer(given.zero_point(), tmp_path / "start")
     chosen: Any = solvers.get(solver)

@@ -1,6 +1,6 @@
 """Answers made elsewhere: which file of a folder answers which problem, and what is reported with them.
 
-An entry of the folder is a file or a folder in the form of some exchange, named after its problem or its fingerprint
+An entry of the folder is a file of an answer or a folder of arrays, named after its problem or its fingerprint
 (8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. `cpbench results export --answers`
 writes all answers to one HDF5 file: a group a problem, which has its fingerprint, with a data set for every solver.
 
@@ -15,13 +15,14 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError, PointError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.primal import Primal, primal_alone, primal_of, primal_part
 from cpbench.solvers.base import Claim
 from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
@@ -29,7 +30,7 @@ from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
 CLAIMS = "claim.json"
 ENDINGS = ("timeout", "memout", "crash", "unsupported")
 """How a solve may have ended without a claim."""
-_SUFFIXES = (".mof.json", ".json", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".txt", ".mtx")
+_SUFFIXES = (".h5", ".hdf5", ".npz", ".npy", ".csv", ".txt", ".sol")
 _COLUMNS = ("problem", "seconds", "iterations", "claim")
 _SHORTEST = 8
 """Fewest digits of a fingerprint that name a problem."""
@@ -85,9 +86,7 @@ class Names:
         return next(iter(found), "")
 
 
-def find(
-    source: Path, names: Names, solver: str, tolerance: float, exchange: str | None
-) -> tuple[dict[str, ForeignAnswer], list[str]]:
+def find(source: Path, names: Names, solver: str, tolerance: float) -> tuple[dict[str, ForeignAnswer], list[str]]:
     """Return the answers by fingerprint, and a line for each that answers none of the problems.
 
     Raises CpbenchError when a problem has two answers, FormatError when `source` holds none.
@@ -96,7 +95,7 @@ def find(
         raise FormatError(source, "", "no such file or folder")
     found: dict[str, ForeignAnswer] = {}
     stray: list[str] = []
-    listed = _in_folder(source, exchange) if source.is_dir() else _in_export(source, solver, tolerance)
+    listed = _in_folder(source) if source.is_dir() else _in_export(source, solver, tolerance)
     for words, answer in listed:
         fingerprint = next(filter(None, map(names.find, words)), "")
         if not fingerprint:
@@ -129,7 +128,7 @@ def reported(source: Path, times: Path | None, names: Names) -> tuple[dict[str, 
 # ------------------------------------------------------------------------------------------------ answers
 
 
-def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], ForeignAnswer]]:
+def _in_folder(folder: Path) -> list[tuple[list[str], ForeignAnswer]]:
     """Return the possible names of each entry of a folder, with its answer."""
     listed: list[tuple[list[str], ForeignAnswer]] = []
     for entry in sorted(folder.iterdir()):
@@ -140,36 +139,26 @@ def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], Fore
         words = [entry.name, *(entry.name[: -len(s)] for s in _SUFFIXES if entry.name.lower().endswith(s))]
         own = entry / CLAIMS
         reported = _facts(own, _object(own)) if entry.is_dir() and own.is_file() else Reported()
-        listed.append(
-            ([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry, exchange), reported))
-        )
+        listed.append(([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry), reported)))
     return listed
 
 
-def _reader(entry: Path, exchange: str | None) -> Read:
-    """Return the reader of a file or folder: of the exchange that is named, or the one that fits it."""
-    if exchange is not None:
-        chosen = exchanges.get(exchange)
-    elif entry.is_dir():
-        chosen = exchanges.get("mtx" if any(entry.glob("*.mtx")) else "npy-dir")
-    elif entry.suffix.lower() == ".json":
-        chosen = exchanges.get("mof")
-    else:
-        return lambda problem: storage.load_answer(entry, problem, primal=True)
-    return lambda problem: _exchanged(chosen, entry, problem)
-
-
-def _exchanged(exchange: Exchange, entry: Path, problem: Problem) -> Any:
-    """Return the answer in the form of an exchange; of a folder or a JSON object of parts, the unknowns will do."""
+def _reader(entry: Path) -> Read:
+    """Return the reader of a file or of a folder of arrays."""
     if entry.is_dir():
-        files = {file.stem: file for file in entry.iterdir()}
-        if primal_alone(problem, files):
-            return _unknowns(files[problem.primal], problem, storage.read_vector(files[problem.primal]))
-    elif exchange.name == "mof":
-        found = _object(entry)
-        if primal_alone(problem, found) and not {"primal", "dual"} & set(found):
-            return _unknowns(entry, problem, found[problem.primal])
-    return exchange.read_answer(entry, problem)
+        return lambda problem: _of_folder(entry, problem)
+    for exchange in exchanges:
+        if exchange.answer_name and exchange.answer_name.endswith(entry.suffix):
+            return partial(exchange.read_answer, entry)
+    return lambda problem: storage.load_answer(entry, problem, primal=True)
+
+
+def _of_folder(folder: Path, problem: Problem) -> Any:
+    """Return the answer in a folder of arrays, of which the unknowns will do."""
+    files = {file.stem: file for file in folder.iterdir()}
+    if primal_alone(problem, files):
+        return _unknowns(files[problem.primal], problem, storage.read_vector(files[problem.primal]))
+    return exchanges.get("npy-dir").read_answer(folder, problem)
 
 
 def _unknowns(file: Path, problem: Problem, values: Any) -> Primal:

@@ -66,7 +66,6 @@ def import_answers(
     *,
     format: str | None = None,
     times: Path | None = None,
-    exchange: str | None = None,
     command: str = "",
     force: bool = False,
 ) -> Imported:
@@ -77,7 +76,7 @@ def import_answers(
     done = Imported()
     asked = _survey(addresses, format, origin, done)
     names = Names((pair.problem, pair.fingerprint) for pair in asked.values())
-    found, stray = answer_files.find(source, names, origin.solver, origin.tolerance, exchange)
+    found, stray = answer_files.find(source, names, origin.solver, origin.tolerance)
     reported, unknown = answer_files.reported(source, times, names)
     done.stray = [*stray, *unknown]
     if not found:

@@ -145,8 +145,7 @@ class Desk:
 def _exchange(path: Path) -> Exchange:
     """Return the one that wrote a problem, as its name or its folder says; raises FormatError."""
     if path.is_dir():
-        mapped = any(path.glob("*.heads.npy"))
-        return exchanges.get("mtx" if any(path.glob("*.mtx")) else "npy-map" if mapped else "npy-dir")
+        return exchanges.get("npy-dir")
     for exchange in exchanges:
         if exchange.suffix and path.name.endswith(exchange.suffix):
             return exchange

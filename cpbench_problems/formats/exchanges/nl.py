@@ -37,7 +37,6 @@ class NLFile(Exchange):
     suffix = nl.SUFFIX
     answer_name = "problem.sol"
     nodes = frozenset(nl_write.WRITERS)
-    maps = True
 
     def obstacle(self, problem: Problem) -> str | None:
         why = super().obstacle(problem)

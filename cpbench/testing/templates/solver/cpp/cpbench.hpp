@@ -258,7 +258,7 @@ struct Problem {
     }
 };
 
-/// A nonlinear map as a list of operations on numbered values, as the exchange npy-map hands it over: first the
+/// A nonlinear map as a list of operations on numbered values, as cpbench hands it over: first the
 /// unknowns, then the constants, then the result of each operation. `F.jacobian` is a list for the entries by rows.
 struct Map {
     Vector constants, heads, left, right, outputs;

@@ -44,7 +44,7 @@ function serve(solve, name, version; warmup = () -> nothing)
             if what == "hello"
                 merge!(fields, Dict("name" => name, "version" => version))
             elseif what == "load"
-                problem = npzread(asked["problem"])
+                problem = arrays(asked["problem"])
             elseif what == "warmup"
                 warmup()
             elseif what == "solve"
@@ -54,7 +54,9 @@ function serve(solve, name, version; warmup = () -> nothing)
                     fields[String(key)] = answer[key]
                 end
             elseif what == "write"
-                isempty(point) || npzwrite(asked["answer"], point)
+                for (name, value) in point
+                    npzwrite(joinpath(asked["answer"], name * ".npy"), value)
+                end
             end
             fields
         catch failure
@@ -65,13 +67,18 @@ function serve(solve, name, version; warmup = () -> nothing)
     end
 end
 
+"The arrays of a folder, by name."
+arrays(folder) = Dict{String,Any}(
+    first(splitext(file)) => npzread(joinpath(folder, file)) for file in readdir(folder) if endswith(file, ".npy")
+)
+
 request(asked) = (
     tolerance = Float64(asked["tolerance"]),
     seconds = Float64(something(asked["seconds"], Inf)),           # null is infinity
     iterations = something(asked["iterations"], typemax(Int)),
     seed = asked["seed"],
     options = asked["options"],
-    start = asked["start"] === nothing ? nothing : npzread(asked["start"]),
+    start = asked["start"] === nothing ? nothing : arrays(asked["start"]),
 )
 
 error_reply(failure::Unsupported) = Dict("unsupported" => failure.why)
