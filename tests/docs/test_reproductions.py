@@ -34,7 +34,7 @@ def _module(path: Path) -> ModuleType:
 
 @pytest.fixture(scope="module")
 def measured() -> ModuleType:
-    return _module(ROOT / "tests" / "bench" / "reproductions.py")
+    return _module(ROOT / "benchmarks" / "reproductions.py")
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,7 @@ def solve(M: np.ndarray, q: np.ndarray) -> None:
             time.sleep(60.0)
         case "remember" if M.tobytes() not in _known:
             _known.add(M.tobytes())
-            time.sleep(0.2)
+            time.sleep(0.8)
         case "segfault":
             sys.stderr.write("last words of a program\n")
             ctypes.string_at(0)

@@ -153,7 +153,7 @@ def test_each_is_what_it_is_called(rows: pd.DataFrame) -> None:
 @pytest.mark.needs("cpbench_solvers")
 def test_a_solver_with_a_memory_is_charged_the_first_solve(rows: pd.DataFrame) -> None:
     assert "remembered" in rows.loc["remember"]["flags"]
-    assert rows.loc["remember"].solve >= 0.2
+    assert rows.loc["remember"].solve >= 0.8
     # whether it is flagged is asked of its own times: on a busy machine any first solve may be late
     none = rows.loc["none"]
     assert ("remembered" in none["flags"]) == remembered(json.loads(none.samples))
