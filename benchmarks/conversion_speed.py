@@ -92,13 +92,6 @@ def conversion(n: int) -> None:
         print(f"  {name:<8} {seconds * 1e3:8.1f} ms  {size / seconds / 1e9:5.2f} GB/s")
     print(f"  cpbench/fill {spent['cpbench'] / spent['fill']:.2f} (goal 1.5)")
     print(f"  scipy/cpbench {spent['scipy'] / spent['cpbench']:.1f} (goal 5)")
-    operator, x = edge.operator(problem), np.ones(like.shape[1])
-    M = edge.apply(problem)[0].M
-    spent = best({"assembled": lambda: M @ x, "operator": lambda: operator @ x}, 5)
-    print(
-        f"  product: assembled {spent['assembled'] * 1e3:.1f} ms, operator {spent['operator'] * 1e3:.1f} ms,", end=" "
-    )
-    print(f"{operator.nbytes / size:.3f} of the memory")
 
 
 def files(n: int) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ from cpbench.bench.planning import grids
 from cpbench.cli.options import Command
 from cpbench.cli.solver_tables import GLANCED, HEAD, as_data, cells, families, sheet
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
-from cpbench.conversions import conversions
+from cpbench.conversions.base import conversions, mathematics
 from cpbench.formulations import formulations
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import edges, promise
@@ -77,11 +76,11 @@ def conversion_rows() -> list[tuple[str, ...]]:
 
 
 def conversion_sheets(names: Sequence[str]) -> Iterator[str]:
-    """Yield the mathematics of conversions, as their modules state it; raises UnknownName."""
+    """Yield the mathematics of conversions, as their docstrings state it; raises UnknownName."""
     for name in names:
         edge = conversions.get(name)
         yield f"{edge.name}: {edge.source} -> {edge.target}, {promise(edge)} {edge.equation}".rstrip()
-        yield from (f"  {line}".rstrip() for line in (sys.modules[edge.__module__].__doc__ or "").strip().splitlines())
+        yield from (f"  {line}".rstrip() for line in mathematics(edge))
 
 
 def format_rows() -> list[tuple[str, ...]]:

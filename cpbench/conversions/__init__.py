@@ -1,6 +1,6 @@
-"""The edges of the graph: one conversion a file, the mathematics on top, `lift` beside `apply`."""
+"""The edges of the graph: a file for each formulation they leave, the mathematics in their docstrings."""
 
-from cpbench.conversions.base import Conversion, conversions, lift_step, make
+from cpbench.conversions.base import Conversion, conversions, edge, lift_step, make
 from cpbench.formulations.base import Kind
 
-__all__ = ["Conversion", "Kind", "conversions", "lift_step", "make"]
+__all__ = ["Conversion", "Kind", "conversions", "edge", "lift_step", "make"]

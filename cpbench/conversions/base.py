@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
 from cpbench.errors import NotApplicable, UnknownName
-from cpbench.formulations.base import Kind, Problem, Step, Trace
+from cpbench.formulations.base import Kind, Point, Problem, Step, Trace, formulations
 from cpbench.foundation.matrices import index_dtype
 from cpbench.registry import Registry
 
@@ -45,7 +47,8 @@ class Size:
 
 
 class Conversion(ABC):
-    """One edge. Subclasses are frozen dataclasses whose fields are the knobs (facets, angle).
+    """One edge. Subclasses are frozen dataclasses whose fields are the knobs (facets, angle); their docstring has the
+    mathematics under the words Source, Target, Lift, Push, Kind, then the knobs and what the trace holds.
 
     Attributes
     ----------
@@ -64,7 +67,7 @@ class Conversion(ABC):
     between: ClassVar[tuple[Kind, ...]] = ()
     cost: ClassVar[float]
 
-    def exactness(self, problem: Problem) -> Kind:
+    def exactness(self, problem: Any) -> Kind:
         """Return the promise for this very problem (stronger than `kind` where a condition holds)."""
         return self.kind
 
@@ -103,9 +106,10 @@ class Conversion(ABC):
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Return the tolerance on the target with which the lifted answer meets `tolerance` on the source.
 
-        What depends on the problem, `apply` has put into the trace.
+        What depends on the problem, `apply` has put into the trace: `shift` where terms cancel on the way back
+        (`bounds.amplification`).
         """
-        return tolerance
+        return tolerance / trace.get("shift", 1.0)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -150,7 +154,57 @@ class Conversion(ABC):
         return dataclasses.replace(converted, **extra, provenance=(*problem.provenance, done))
 
 
+class SameUnknowns(Conversion):
+    """Conversion to a problem with the same unknowns: answers are handed over part by part.
+
+    Attributes
+    ----------
+    renamed : parts of a source's answer that have another name in the target's. A part that only one of the two has
+        is empty where it is made.
+    """
+
+    renamed: ClassVar[Mapping[str, str]] = {}
+
+    def lift(self, point: Point, trace: Trace) -> Any:
+        return _handed_over(point, formulations.get(self.source).point_type, self.renamed)
+
+    def push(self, point: Point, trace: Trace) -> Any:
+        back = {theirs: mine for mine, theirs in self.renamed.items()}
+        return _handed_over(point, formulations.get(self.target).point_type, back)
+
+
+def _handed_over(point: Point, made: type[Point], renamed: Mapping[str, str]) -> Point:
+    parts, names = point.arrays(), [f.name for f in dataclasses.fields(made)]
+    return made(**{name: parts.get(renamed.get(name, name), np.zeros(0)) for name in names})
+
+
 conversions: Registry[type[Conversion]] = Registry("conversion", "cpbench.conversions")
+AnEdge = TypeVar("AnEdge", bound=Conversion)
+
+
+@dataclass_transform(frozen_default=True)
+def edge(
+    name: str, *, equation: str | None = None, kind: Kind | None = None, cost: float | None = None
+) -> Callable[[type[AnEdge]], type[AnEdge]]:
+    """Return a decorator that makes a class a frozen dataclass and registers it as a conversion.
+
+    Parameters
+    ----------
+    name : begins with the nodes, `source-target`. equation, kind, cost : as the attributes of `Conversion`; what is
+        left out is that of the base class.
+    """
+
+    def register(cls: type[AnEdge]) -> type[AnEdge]:
+        cls.name = name
+        cls.source, cls.target = name.split("-")[:2]
+        given = {"equation": equation, "kind": kind, "cost": cost}
+        for attribute, value in given.items():
+            if value is not None:
+                setattr(cls, attribute, value)
+        conversions.add(name, made := dataclasses.dataclass(frozen=True)(cls))
+        return made
+
+    return register
 
 
 def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
@@ -162,6 +216,11 @@ def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
         if key not in known:
             raise UnknownName(f"parameter of {name}", key, known)
     return cls(**given)
+
+
+def mathematics(cls: type[Conversion]) -> list[str]:
+    """Return the lines of a conversion's docstring: headline, source, target, lift, push, kind, knobs and trace."""
+    return inspect.cleandoc(cls.__doc__ or "").splitlines()
 
 
 def lift_step(step: Step, point: Any) -> Any:

@@ -16,7 +16,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.conversions.base import Size
-from cpbench.conversions.operators import ContactOperator
 from cpbench.foundation import kernel_cache, matrices
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, index_dtype
 
@@ -49,10 +48,6 @@ class Congruence:
         if csr.nnz <= COMPILED_ABOVE:
             return self._products(csr, coefficients)
         return self._compiled(csr, coefficients)
-
-    def operator(self, W: Matrix, coefficients: Dense) -> ContactOperator:
-        """Return the same as an operator that keeps W."""
-        return ContactOperator(W, self.left, self.right, self.blocks, coefficients)
 
     def size(self, W: Matrix) -> Size:
         """Bound the size of the result, reached when W has no zeros in its blocks."""

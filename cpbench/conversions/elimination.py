@@ -8,7 +8,7 @@ columns exist at a time; or by LAPACK, where that costs less.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import blas
 
 from cpbench.conversions import delassus
-from cpbench.conversions.base import Size
+from cpbench.conversions.base import Conversion, Size
 from cpbench.formulations.base import Kind
 from cpbench.foundation import factorization, matrices
 from cpbench.foundation.factorization import Factorization
@@ -43,6 +43,35 @@ below the default tolerance."""
 EPS = float(np.finfo(float).eps)
 RANK_LIMIT = 500
 """Largest matrix whose rank a refusal gives (it takes a singular value decomposition)."""
+
+
+class Elimination(Conversion):
+    """Base of edges that eliminate unknowns by a matrix, as exact as its condition number allows.
+
+    Attributes
+    ----------
+    eliminated : what the matrix is called in messages.
+    """
+
+    kind: ClassVar[Kind] = Kind.ONE_WAY
+    best_kind = Kind.EQUIVALENT
+    eliminated: ClassVar[str]
+
+    def rcond(self, problem: Any) -> float:
+        """Return the reciprocal condition number of the matrix."""
+        return problem.factorization.rcond
+
+    def exactness(self, problem: Any) -> Kind:
+        """Return equivalent where rounding, of the order of eps/rcond, is at most LOSSLESS; else one-way."""
+        return Kind.EQUIVALENT if LOSSLESS * self.rcond(problem) >= EPS else Kind.ONE_WAY
+
+    def reservation(self, problem: Any) -> str:
+        rcond = self.rcond(problem)
+        condition, lost = (f"{1 / rcond:.1e}", f"{EPS / rcond:.0e}") if rcond > 0 else ("infinite", "all")
+        return (
+            f"the condition number of {self.eliminated} is {condition}, so that rounding may change the target by "
+            f"{lost} of its size, more than {LOSSLESS:.0e}: it may lose solutions"
+        )
 
 
 def product(left: Matrix, factor: Factorization, right: Matrix) -> Matrix:
@@ -155,24 +184,6 @@ def singularity(factor: Factorization, what: str, instead: str) -> str | None:
     rank = f", rank {matrices.rank(factor.A)}" if n <= RANK_LIMIT else ""
     condition = f"{1 / factor.rcond:.1e}" if factor.rcond > 0 else "infinite"
     return f"{what} ({n}x{n}{rank}) is numerically singular, condition number {condition}; {instead}"
-
-
-def kind(rcond: float) -> Kind:
-    """Return equivalent where rounding of the elimination, of the order of eps/rcond, is at most LOSSLESS; else
-    one-way.
-    """
-    return Kind.EQUIVALENT if LOSSLESS * rcond >= EPS else Kind.ONE_WAY
-
-
-def reservation(rcond: float, what: str) -> str:
-    """Return how much rounding may change a target that `what`, of this reciprocal condition number, was eliminated
-    from.
-    """
-    condition, lost = (f"{1 / rcond:.1e}", f"{EPS / rcond:.0e}") if rcond > 0 else ("infinite", "all")
-    return (
-        f"the condition number of {what} is {condition}, so that rounding may change the target by {lost} of its size, "
-        f"more than {LOSSLESS:.0e}: it may lose solutions"
-    )
 
 
 def _sides(left: Dense, factor: Factorization, right: Dense) -> tuple[Dense, Dense]:

@@ -20,7 +20,6 @@ import numpy as np
 
 from cpbench.conversions.base import Conversion, Size
 from cpbench.conversions.congruence import Congruence
-from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
@@ -49,12 +48,6 @@ class PolygonEdge(Conversion):
         M = form.assemble(problem.W, coefficients(*bounds.values()))
         q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
         return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, **bounds}
-
-    def operator(self, problem: LocalContact) -> ContactOperator:
-        """Return M of the LCP, never assembled; raises NotApplicable with the obstacle."""
-        self.require(problem)
-        bounds = _friction(problem)
-        return congruence(self.vertices, len(bounds)).operator(problem.W, coefficients(*bounds.values()))
 
     def predict(self, problem: LocalContact) -> Size:
         return congruence(self.vertices, len(_friction(problem))).size(problem.W)

@@ -1,5 +1,5 @@
 """Constraint qualifications that can be checked: under one, a solution has multipliers, and the conditions of Karush,
-Kuhn and Tucker miss none.
+Kuhn and Tucker miss none; and matrices that are not positive semidefinite, under which they find too much.
 
 Two are, for sets {g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub}: every row is affine; or, g being concave and h affine, Slater's:
 some point has gᵢ > 0 in the rows that are not affine and meets the others. The one point that is looked at is the
@@ -11,22 +11,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cpbench.conversions.base import Conversion
+from cpbench.formulations.base import Kind
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.nlp import NLP, Convexity
 from cpbench.formulations.sizes import least_squares
 from cpbench.formulations.vi import VI
-from cpbench.foundation.matrices import Matrix, Vector, max_abs
+from cpbench.foundation.matrices import Matrix, Vector, least_eigenvalue, max_abs
 from cpbench.foundation.product_cones import Cone
 
 ROUNDING = 1e-10
 """Distance from an affine row or a bound, beside what the terms of the rows and the point make of it, that is none."""
 NEAR, MARGIN = 1e-9, 1e-4
 """Distance from K, beside max|Ax + b|, that is none; how far inside a factor a point is, beside its first entry."""
+MEASURED = 1000
+"""Rows up to which the least eigenvalue is computed for a message (0.1 s)."""
 
 
 @dataclass(frozen=True)
@@ -143,3 +148,31 @@ def of_cone(problem: ConeQP) -> str:
             return ""
     count = np.unique(K.blocks[curved]).size
     return f"no x was found with Ax + b in K and inside its {count} factors that are not polyhedral"
+
+
+class WhereConvex(Conversion):
+    """Base of edges whose promise is stronger where a matrix of the problem is positive semidefinite.
+
+    Attributes
+    ----------
+    matrix : name of the matrix, Q of a program or M.
+    """
+
+    best_kind = Kind.EQUIVALENT
+    matrix: ClassVar[str]
+
+    def exactness(self, problem: Any) -> Kind:
+        definite = problem.convex if self.matrix == "Q" else problem.monotone
+        return self.best_kind if definite else self.kind
+
+    def reservation(self, problem: Any) -> str:
+        return indefinite(getattr(problem, self.matrix), self.matrix)
+
+
+def indefinite(M: Matrix, name: str) -> str:
+    """Return the message that `M` is not positive semidefinite, with its least eigenvalue where that is cheap."""
+    n = M.shape[0]
+    number = f"n = {n}"
+    if n <= MEASURED:
+        number = f"least eigenvalue at unit diagonal {least_eigenvalue(M):.1e} or less"
+    return f"the symmetric part of {name} is not positive semidefinite, {number}"

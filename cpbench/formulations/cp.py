@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +21,7 @@ class CPPoint(Point):
     """x (n,), λ ≥ 0 of the rows of the polyhedral cone Ax ≥ 0 (m,)."""
 
     x: Vector
-    lam: Vector
+    lam: Vector = field(default_factory=lambda: np.zeros(0))
 
 
 @formulations.register("cp")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import fields
 from html import escape
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.conversions.base import conversions
+from cpbench.conversions.base import conversions, mathematics
 from cpbench.formulations.base import Kind, Problem, Step
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.infix import formulas
@@ -89,12 +88,6 @@ def history(step: Step) -> list[str]:
     lines += [f"    {line}".rstrip() for line in mathematics(edge)]
     remark = slip_angle(step)
     return [*lines, f"    {remark}"] if remark else lines
-
-
-def mathematics(edge: type) -> list[str]:
-    """Return the docstring at the top of a conversion's module: headline, source, target, lift, kind."""
-    doc = sys.modules[edge.__module__].__doc__ or edge.__doc__ or ""
-    return inspect.cleandoc(doc).splitlines()
 
 
 def slip_angle(step: Step) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import sys
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ from pathlib import Path
 
 from page_parts import table, verbatim
 
-from cpbench.conversions import Conversion
+from cpbench.conversions.base import Conversion, mathematics
 from cpbench.formulations import Problem, formulations
 from cpbench.formulations.exchange import exchanges
 from cpbench.graph import edges, promise
@@ -40,7 +39,7 @@ def formulations_page() -> str:
 
 
 def conversions_page() -> str:
-    """Return the page of the conversions: the map, a table, and the mathematics of each as its module has it."""
+    """Return the page of the conversions: the map, a table, and the mathematics of each as its docstring has it."""
     head = ["conversion", "from", "to", "promise", "in the lecture", "what it does"]
     rows = (
         [f"[`{e.name}`](#{e.name})", e.source, e.target, promise(e), e.equation, _first_sentence(e)] for e in edges()
@@ -136,8 +135,7 @@ def _formulation(cls: type[Problem]) -> str:
 
 
 def _conversion(edge: Conversion) -> str:
-    mathematics = (sys.modules[type(edge).__module__].__doc__ or "").strip()
-    return f"## {edge.name}\n\n{verbatim(mathematics)}"
+    return f"## {edge.name}\n\n{verbatim(chr(10).join(mathematics(type(edge))))}"
 
 
 def _solver(spec: SolverSpec) -> list[str]:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from cpbench import Problem
-from cpbench.conversions.base import conversions
-from cpbench.report.show import mathematics
+from cpbench.conversions.base import conversions, mathematics
 from cpbench.solvers.base import solvers as registry
 from lecture import cells, numbers
 from lecture.blocks import Block, Data, Fold, Html, Table

@@ -1,4 +1,4 @@
-"""Source, Target, Lift, Kind: plugins that are wrong in one way each, outside every registry.
+"""Plugins that are wrong in one way each, outside every registry.
 
 tests/conformance/test_broken.py holds that the named check, and not something else, catches each.
 """
@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cpbench.conversions.mlcp_to_lcp_schur import MLCPtoLCPSchur
+from cpbench.conversions.mlcp import MLCPtoLCPSchur
 from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.foundation import matrices
@@ -25,7 +25,7 @@ from cpbench_solvers.lcp.semismooth_newton import NewtonMin
 
 
 class SignFlippedLift(MLCPtoLCPSchur):
-    """u with the wrong sign."""
+    # u with the wrong sign
 
     def lift(self, point, trace):
         right = super().lift(point, trace)
@@ -33,7 +33,7 @@ class SignFlippedLift(MLCPtoLCPSchur):
 
 
 class EditsItsInput(MLCPtoLCPSchur):
-    """Scales A of the problem it was given."""
+    # Scales A of the problem it was given
 
     def apply(self, problem):
         object.__setattr__(problem, "A", matrices.matrix(2.0 * problem.A))
@@ -41,7 +41,7 @@ class EditsItsInput(MLCPtoLCPSchur):
 
 
 class IgnoresItsObstacle(MLCPtoLCPSchur):
-    """Says that a singular block cannot be eliminated, and eliminates it."""
+    # Says that a singular block cannot be eliminated, and eliminates it
 
     def apply(self, problem):
         n = problem.a.size
@@ -49,14 +49,14 @@ class IgnoresItsObstacle(MLCPtoLCPSchur):
 
 
 class PromisesTooMuch(MLCPtoLCPSchur):
-    """Equivalent or one-way by its class, approximate for every problem."""
+    # Equivalent or one-way by its class, approximate for every problem
 
     def exactness(self, problem):
         return Kind.APPROXIMATE
 
 
 class ForgetsItsTrace(MLCPtoLCPSchur):
-    """Keeps for itself what `lift` needs."""
+    # Keeps for itself what `lift` needs
 
     def apply(self, problem):
         target, trace = super().apply(problem)
@@ -68,7 +68,7 @@ class ForgetsItsTrace(MLCPtoLCPSchur):
 
 
 class RefusesOnTheWay(MLCPtoLCPSchur):
-    """Tells no obstacle, and refuses nevertheless."""
+    # Tells no obstacle, and refuses nevertheless
 
     def obstacle(self, problem):
         return None
@@ -78,7 +78,7 @@ class RefusesOnTheWay(MLCPtoLCPSchur):
 
 
 class LooksAtTheStorage(MLCPtoLCPSchur):
-    """Converts a sparse problem to another one than the same problem when dense."""
+    # Converts a sparse problem to another one than the same problem when dense
 
     def apply(self, problem):
         target, trace = super().apply(problem)

@@ -14,7 +14,7 @@ from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cpbench import graph, storage
-from cpbench.conversions.base import Conversion, conversions, find_via, make
+from cpbench.conversions.base import Conversion, conversions, find_via, make, mathematics
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations import (
     LCP,
@@ -174,7 +174,7 @@ def test_class_attributes(name):
         assert field.default is not dataclasses.MISSING
     with pytest.raises(dataclasses.FrozenInstanceError):
         edge.other = 1
-    text = sys.modules[cls.__module__].__doc__ or ""
+    text = "\n".join(mathematics(cls))
     for word in ("\nSource ", "\nTarget ", "\nLift ", "Push ", "\nKind "):
         assert word in text
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parent))
 from cpbench import graph, storage
 from cpbench.conversions.base import make
-from cpbench.conversions.mlcp_to_lcp_split import semidefinite_transform
+from cpbench.conversions.mlcp import semidefinite_transform
 from cpbench.errors import NotApplicable
 from cpbench.formulations import LCP, MLCP, QP, AVIPoint, Kind, LCPPoint, MLCPPoint, Relay
 from cpbench.foundation import factorization, matrices
