@@ -22,8 +22,8 @@ from cpbench.cli.steps import Steps
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS
 from cpbench.errors import CpbenchError
-from cpbench.formulations import Problem, facts
-from cpbench.foundation import matrices
+from cpbench.formulations import Problem
+from cpbench.foundation import extensions, matrices
 from cpbench.foundation.plain_text import printable
 from cpbench.foundation.plurals import counted, some_of, summary
 from cpbench.storage.base import split_address
@@ -63,9 +63,10 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
         _print_many(files, addresses, file_format)
         return
     records: list[dict[str, object]] = []
+    known = measure and "facts" in extensions.added(extensions.HOOKS)
     for address in addresses:
         problem = storage.load(address, format=file_format)
-        measured = facts.of_problem(problem) if measure else ()
+        measured = extensions.hook("facts")(problem) if known else ()
         if as_json:
             records.append(problem_text.record(address, problem, measured, len(storage.guesses(address))))
         else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from cpbench.foundation.plain_text import printable
 from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import address_text
 from cpbench.graph import Apply
-
-if TYPE_CHECKING:
-    from cpbench.formulations.facts import Fact
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 SHOWN = 8
@@ -42,7 +39,7 @@ def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
     return sizes_line(apply(edge, problem)) if foreseen is None else f"~ {foreseen}"
 
 
-def lines(address: str, problem: Problem, facts: Sequence[Fact], starts: int = 0) -> Iterator[str]:
+def lines(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0) -> Iterator[str]:
     """Yield formulation, sizes, data, origin and provenance of a problem, how many starting points its file has
     (`starts`), and the facts that were measured of it."""
     yield f"{address_text(address)}: {problem.title} {problem.equation}".rstrip()
@@ -153,7 +150,7 @@ def _describe(value: matrices.Matrix | matrices.Vector) -> str:
     return f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {matrices.max_abs(value):.3g}"
 
 
-def record(address: str, problem: Problem, facts: Sequence[Fact], starts: int = 0) -> dict[str, Any]:
+def record(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0) -> dict[str, Any]:
     """Return what `lines` yields as data that JSON takes."""
     place = problem.sequence if isinstance(problem, ContactProblem) else None
     return {

@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Any
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.facts import Fact, of_problem
 from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Solver
 from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome
+from cpbench_lab.facts import Fact, of_problem
 
 TIGHT = 1e-2
 """A known solution is sought to this share of the tolerance, but to no more digits than doubles have."""

@@ -39,7 +39,6 @@ ALLOWED: dict[str, set[str]] = {
     "formulations.expressions": {"errors", "foundation.matrices", "foundation.kernel_cache"},
     "formulations.ncp_functions": {"foundation.matrices", "formulations.expressions"},
     "formulations": BASE,
-    "formulations.facts": BASE | {"formulations"},
     "formulations.exchange": BASE | {"formulations"},
     **{room: BASE | {"formulations"} for room in ROOMS},
     **{room: BASE | {"formulations", "formulations.exchange"} for room in ("storage", "solvers")},
@@ -53,9 +52,9 @@ ALLOWED: dict[str, set[str]] = {
     "analysis": DATA | {"graph"},
     "report": DATA | {"graph", "analysis"},
     "testing": DATA | {"graph", "graph.checking", "generators"},
-    "api": DATA | {"formulations.facts", "graph", "graph.checking", "testing", "bench", "bench.multipliers"}
+    "api": DATA | {"graph", "graph.checking", "testing", "bench", "bench.multipliers"}
     | {"analysis", "report", "generators"},
-    "cli": DATA | {"formulations.facts", "formulations.exchange", "graph", "graph.checking", "testing", "bench"}
+    "cli": DATA | {"formulations.exchange", "graph", "graph.checking", "testing", "bench"}
     | {"bench.multipliers", "analysis", "report", "generators", "api"},
 }  # fmt: skip
 """What each room may import; a part of a room that has rules of its own is named with its room."""

@@ -12,7 +12,6 @@ import scipy.sparse as sp
 
 from cpbench import storage
 from cpbench.errors import ProblemError
-from cpbench.formulations import facts
 from cpbench.foundation import cones, matrices
 from cpbench.foundation.factorization import Factorization, sparse_lu
 
@@ -60,14 +59,6 @@ def test_definiteness_is_exact_and_has_no_units(seed: int) -> None:
             assert matrices.is_psd(stored) == expected
             assert matrices.asymmetry(stored) == matrices.asymmetry(M)
             assert matrices.is_symmetric(stored) == (M == M.T).all()
-            known = facts.definiteness(stored, "M")
-            assert (known.value in ("positive definite", "positive semidefinite")) == expected
-            assert known.value == facts.definiteness(M, "M").value
-            if n <= 4:
-                found = facts.of_matrix(stored, "M")
-                assert [f.value for f in found if f.name != "rank"] == [
-                    f.value for f in facts.of_matrix(M, "M") if f.name != "rank"
-                ]
 
 
 def test_a_sparse_matrix_of_a_diagonal_alone_needs_no_factorization() -> None:

@@ -9,12 +9,12 @@ import numpy as np
 
 from cpbench.formulations import MLCP, Problem
 from cpbench.formulations.contact import ContactProblem, DelassusContact
-from cpbench.formulations.facts.copositivity import copositivity
-from cpbench.formulations.facts.fact import Fact, How, decided
-from cpbench.formulations.facts.sign_classes import m_matrix, p_matrix, z_matrix
-from cpbench.formulations.facts.spectrum import SCALED, definiteness, rank, symmetry
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import PSD_TOLERANCE, Matrix
+from cpbench_lab.facts.copositivity import copositivity
+from cpbench_lab.facts.fact import Fact, How, decided
+from cpbench_lab.facts.sign_classes import m_matrix, p_matrix, z_matrix
+from cpbench_lab.facts.spectrum import SCALED, definiteness, rank, symmetry
 
 _OTHER_SETS = frozenset({("mlcp", "A"), ("qp", "Q"), ("coneqp", "Q"), ("soclcp", "M")})
 """Square matrices whose unknowns do not live in an orthant or a box: the classes of the LCP say nothing of them."""

@@ -15,10 +15,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpbench.formulations.facts.fact import Fact, How, undecided
-from cpbench.formulations.facts.spectrum import SCALED, definiteness
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import PSD_TOLERANCE, Dense, Matrix, Vector, unit_diagonal
+from cpbench_lab.facts.fact import Fact, How, undecided
+from cpbench_lab.facts.spectrum import SCALED, definiteness
 
 FACES_LIMIT = 12
 """Largest matrix whose 2ⁿ − 1 faces are all looked at (a quarter of a second)."""

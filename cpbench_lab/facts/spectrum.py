@@ -15,11 +15,11 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 
-from cpbench.formulations.facts.components import EIGEN_LIMIT, eigenvalues, singular_values
-from cpbench.formulations.facts.fact import Fact, How, undecided
 from cpbench.foundation import matrices
 from cpbench.foundation.definite import factor_on_diagonal, is_definite
 from cpbench.foundation.matrices import PSD_TOLERANCE, SYMMETRY_TOLERANCE, Matrix, Vector
+from cpbench_lab.facts.components import EIGEN_LIMIT, eigenvalues, singular_values
+from cpbench_lab.facts.fact import Fact, How, undecided
 
 CHOLESKY_LIMIT = 4000
 """Largest dense matrix that is factored."""

@@ -17,10 +17,10 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cpbench.formulations.facts.fact import Fact, How, undecided
-from cpbench.formulations.facts.spectrum import affordable
 from cpbench.foundation import factorization, matrices
 from cpbench.foundation.matrices import Dense, Matrix, Vector
+from cpbench_lab.facts.fact import Fact, How, undecided
+from cpbench_lab.facts.spectrum import affordable
 
 MINORS_LIMIT = 18
 """Largest irreducible block whose 2ⁿ − 1 principal minors are all looked at (about a second)."""

@@ -4,11 +4,11 @@
 bound that its module states; beyond it a fact is `not decided`, with the reason.
 """
 
-from cpbench.formulations.facts.copositivity import copositivity
-from cpbench.formulations.facts.fact import Fact, How
-from cpbench.formulations.facts.problem import of_matrix, of_problem
-from cpbench.formulations.facts.sign_classes import m_matrix, p_matrix, z_matrix
-from cpbench.formulations.facts.spectrum import definiteness, rank, symmetry
+from cpbench_lab.facts.copositivity import copositivity
+from cpbench_lab.facts.fact import Fact, How
+from cpbench_lab.facts.problem import of_matrix, of_problem
+from cpbench_lab.facts.sign_classes import m_matrix, p_matrix, z_matrix
+from cpbench_lab.facts.spectrum import definiteness, rank, symmetry
 
 __all__ = [
     "Fact",

@@ -16,14 +16,15 @@ from hypothesis import strategies as st
 
 from cpbench import storage
 from cpbench.cli import cli
-from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Info, facts, formulations
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Info, formulations
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Builder
-from cpbench.formulations.facts import How
-from cpbench.formulations.facts.copositivity import simplex_minima
-from cpbench.formulations.facts.fact import Fact, decided, undecided
-from cpbench.formulations.facts.sign_classes import exact_minor, least_ratio
 from cpbench.foundation import matrices
+from cpbench_lab import facts
+from cpbench_lab.facts import How
+from cpbench_lab.facts.copositivity import simplex_minima
+from cpbench_lab.facts.fact import Fact, decided, undecided
+from cpbench_lab.facts.sign_classes import exact_minor, least_ratio
 from cpbench_problems.generators.lcp_classics import csizmadia, fathi, murty
 
 small_matrices = st.integers(1, 5).flatmap(
@@ -380,3 +381,17 @@ def test_a_fact_whose_number_is_nan_is_not_decided() -> None:
     )
     known = Fact("rank", "M", 1, How.EXACT, 0.5)
     assert decided(known) is known
+
+
+@pytest.mark.parametrize("seed", range(0, 60, 3))
+def test_facts_have_no_units(seed: int) -> None:
+    """Integer matrices, semidefinite, singular or with one eigenvalue pushed below 0, in units of 2^±60 a row."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    G = rng.integers(-3, 4, (n, max(1, n - int(rng.integers(0, 3))))).astype(float)
+    M = G @ G.T - np.diag(rng.integers(0, 2, n) * rng.integers(0, 2))
+    unit = np.ldexp(1.0, rng.integers(-60, 61, n))
+    scaled = unit[:, None] * M * unit
+    expected = [f.value for f in facts.of_matrix(M, "M") if f.name != "rank"]
+    for stored in (scaled, sp.csr_array(scaled)):
+        assert [f.value for f in facts.of_matrix(stored, "M") if f.name != "rank"] == expected
