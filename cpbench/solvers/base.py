@@ -62,7 +62,7 @@ class SolverSpec:
     """Everything about a solver that can be read without importing its package.
 
     A name is the method, then what distinguishes it from its relatives, then the node where the method would not tell
-    it: ``pgs``, ``pgs-mlcp``, ``newton-fb-micp``, ``nsgs-coloured``, ``interior-point-fc``.
+    it: ``pgs``, ``pgs-mlcp``, ``newton-fb-micp``, ``interior-point-fc``.
 
     - One method has one name on all nodes. The node of the literature goes without: ``lemke`` is for lcp.
     - The node is written as it is registered, at the end: ``auto-fc``, not ``auto-contact``.

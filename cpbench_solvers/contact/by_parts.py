@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, solved
@@ -126,8 +125,7 @@ class SolverByParts(PartSolver):
             return solved(FCPoint(np.zeros(0)), {"iterations": 0})
         deadline = budget.deadline()
         output = self.solve_part(part.prepared, budget, options, start, record)
-        relaxed = self.spec.kind is Kind.RELAXATION  # the answer is one to another law
-        if output.point is None or output.claim is not Claim.SOLVED or relaxed:
+        if output.point is None or output.claim is not Claim.SOLVED:
             return output
         error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
         while not error <= enough and asked > EPS:

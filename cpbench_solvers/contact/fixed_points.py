@@ -1,10 +1,9 @@
 """Fixed points on frictional contact: something of the law is frozen, a convex problem is solved, and it is set anew.
 
-Tresca           g = μ r_N: cylinders ℝ₊ × D(g)                      (Haslinger 1983; Siconos' TFP)
-Panagiotopoulos  r_T for the normal contacts, then g for the friction   (1975; Siconos' PFP)
-ACLM             s = μ‖u_T‖: friction cones with the load q + s e_N     (Acary, Cadoux, Lemaréchal and Malick 2011)
+Tresca  g = μ r_N: cylinders ℝ₊ × D(g)                      (Haslinger 1983; Siconos' TFP)
+ACLM    s = μ‖u_T‖: friction cones with the load q + s e_N     (Acary, Cadoux, Lemaréchal and Malick 2011)
 
-A fixed point solves the problem. The first two converge for small μ, in practice for most; for the last, existence
+A fixed point solves the problem. The first converges for small μ, in practice for most; for the other, existence
 of a fixed point is known under a condition on the data that holds when a velocity strictly inside the cones exists.
 """
 
@@ -33,7 +32,7 @@ FINER, FINEST, SHORTER, SHORTEST = 0.1, 1e-3, 0.7, 0.02
 
 @dataclass(frozen=True)
 class FrozenLawOptions(MethodOptions):
-    """Options of aclm-fixed-point, tresca-fixed-point, panagiotopoulos-fixed-point. `share` : a convex problem is
+    """Options of aclm-fixed-point, tresca-fixed-point. `share` : a convex problem is
     solved to this times the present error. `momentum` : projected gradients with Nesterov's momentum (symmetric W),
     else projected Gauss–Seidel. `inner_iterations` : at most, of a convex problem. `relaxation` : of what is frozen,
     1 sets it wholly anew; reduced where errors do not fall. `max_iterations` : convex problems."""
@@ -95,12 +94,6 @@ class _Tresca(_FixedPoint):
         self._minimize("CYLINDER", self._zero, self._held, gap, deadline)
 
 
-class _Panagiotopoulos(_FixedPoint):
-    def _solve(self, gap: float, deadline: float) -> None:
-        self._minimize("NORMAL", self._zero, self._zero, gap, deadline)
-        self._minimize("TANGENT", self._zero, self._measured(), gap, deadline)
-
-
 class _ACLM(_FixedPoint):
     def _measured(self) -> Vector:
         """Return μ‖u_T‖."""
@@ -124,19 +117,6 @@ class TrescaFixedPoint(ContactSolver):
         by_default=False,
     )
     method: ClassVar[Any] = _Tresca
-
-
-@register
-class PanagiotopoulosFixedPoint(ContactSolver):
-    """Normal contacts with the friction known, then friction with the normal reactions known, in turns."""
-
-    spec: ClassVar[SolverSpec] = _spec(
-        name="panagiotopoulos-fixed-point",
-        summary="normal contact and friction in turns, both convex",
-        citation="Panagiotopoulos 1975, Ing.-Arch. 44:421",
-        by_default=False,
-    )
-    method: ClassVar[Any] = _Panagiotopoulos
 
 
 @register

@@ -1,16 +1,16 @@
-"""Primal-dual interior points on frictional contact, scaled as Nesterov and Todd do; with De Saxcé's term, or without.
+"""Primal-dual interior points on frictional contact, scaled as Nesterov and Todd do, with De Saxcé's term.
 
 In units where every W_cc has mean diagonal 1 and the tangential components are divided by μ the cones are Lorentz's L:
 x = Ty, T = diag(1, μ, μ), and De Saxcé's term μ‖u_T‖ is ‖w_T‖ of the dual w = Tû itself. Find y, w ∈ int L with
 
-    TWTy + Tq + φ(w) e_N − w = 0,   y ∘ w = σ e → 0,   φ(w) = √(‖w_T‖² + ε²), ε ~ σ (0 for the relaxation)
+    TWTy + Tq + φ(w) e_N − w = 0,   y ∘ w = σ e → 0,   φ(w) = √(‖w_T‖² + ε²), ε ~ σ
 
 by Newton's method. With Θy = w, Θ = P(p)⁻¹ at the scaling point p, the second line gives dw = c − Θdy, and
 
     (TWT + (I − e_N φ′)Θ) dy = −residual + (I − e_N φ′) c,
 
-a matrix as sparse as W, for a predictor (σ = 0) and Mehrotra's corrector. Without φ the problem is a convex cone
-program for W ⪰ 0; with it, it is the law, not convex, and convergence is a matter of experience.
+a matrix as sparse as W, for a predictor (σ = 0) and Mehrotra's corrector. With φ the problem is not convex, and
+convergence is a matter of experience.
 """
 
 from __future__ import annotations
@@ -24,15 +24,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.formulations.base import Kind
-from cpbench.formulations.contact import FCPoint, contact_residuals
-from cpbench.foundation.cones import Coulomb
 from cpbench.foundation.factorization import DENSE_LIMIT, sparse_lu
 from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both, with_diagonal
-from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.newton_equation import DENSE_FROM
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, iterate_on
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 SHORTEST = 1e-8
@@ -41,7 +38,7 @@ SHORTEST = 1e-8
 
 @dataclass(frozen=True)
 class ContactInteriorPointOptions(MethodOptions):
-    """Options of interior-point-fc, interior-point-relaxation. `boundary` : share of the way to the boundary that a
+    """Options of interior-point-fc. `boundary` : share of the way to the boundary that a
     step goes. `smoothing` : ε, in units of max|q|, over yᵀw/nc in those of its square. `max_iterations`."""
 
     boundary: float = 0.7
@@ -51,9 +48,7 @@ class ContactInteriorPointOptions(MethodOptions):
 
 
 class ContactInteriorPoint(ContactMethod):
-    """Interior points of one problem, step by step. `shifted` : whether De Saxcé's term is there."""
-
-    shifted: ClassVar[bool] = True
+    """Interior points of one problem, step by step."""
 
     def __init__(
         self, contacts: ScaledContacts, options: ContactInteriorPointOptions, start: Vector, budget: Budget
@@ -89,7 +84,7 @@ class ContactInteriorPoint(ContactMethod):
             return "the iterates have left the cones"
         epsilon = self._options.smoothing * gap / self._size
         Wy = matrix.W @ y.ravel()
-        kernel.prepare(y, w, self._q, Wy, epsilon, self.shifted, scaling, slope, residual, self._blocks)
+        kernel.prepare(y, w, self._q, Wy, epsilon, scaling, slope, residual, self._blocks)
         self.counters["factorizations"] += 1
         solve = matrix.factors(self._blocks)
         if solve is None:
@@ -103,10 +98,6 @@ class ContactInteriorPoint(ContactMethod):
         if EPS * max_abs(y) * self._largest >= self._size:
             return "the reactions have grown until u is rounding: there may be no solution"
         return None if length >= SHORTEST else f"steps of length {length:.0e}"
-
-
-class _Relaxed(ContactInteriorPoint):
-    shifted: ClassVar[bool] = False
 
 
 Solve: TypeAlias = Callable[[Vector], Vector]
@@ -167,13 +158,6 @@ def _matrix(W: Matrix, nc: int, d: int) -> _DenseMatrix | _SparseMatrix:
     return _DenseMatrix(np.ascontiguousarray(dense(W)))
 
 
-class _Associated(Coulomb):
-    """The relaxation's law: û = u."""
-
-    def shift(self, u: Dense) -> Dense:
-        return u
-
-
 @register
 class InteriorPointContact(ContactSolver):
     """The whole law, De Saxcé's term in every Newton step with its derivative. A start is returned where it is right,
@@ -187,42 +171,3 @@ class InteriorPointContact(ContactSolver):
         options=ContactInteriorPointOptions,
     )
     method: ClassVar[Any] = ContactInteriorPoint
-
-
-@register
-class InteriorPointRelaxation(ContactSolver):
-    """min ½rᵀWr + qᵀr over the friction cones: sliding contacts open. The claim is about this problem."""
-
-    spec: ClassVar[SolverSpec] = contact_spec(
-        name="interior-point-relaxation",
-        summary="primal-dual interior point on the convex relaxation",
-        method="interior point",
-        citation="Anitescu and Tasora 2010, Comput. Optim. Appl. 47:207; Nesterov and Todd 1998; Mehrotra 1992",
-        options=ContactInteriorPointOptions,
-        kind=Kind.RELAXATION,
-        by_default=False,
-    )
-    method: ClassVar[Any] = _Relaxed
-
-    def solve_part(
-        self,
-        prepared: ScaledContacts,
-        budget: Budget,
-        options: ContactInteriorPointOptions,
-        start: Any,
-        record: Record | None,
-    ) -> SolverOutput:
-        problem = prepared.rows.problem
-        law = _Associated(problem.mu)
-
-        def measured(point: FCPoint) -> float:
-            """Measure the error as the formulation does, with û = u."""
-            with np.errstate(all="ignore"):
-                u = problem.W @ point.r + problem.q
-                numbers, _, _ = contact_residuals(
-                    point.r, u, problem.q, law, problem.rho, budget.tolerance, absolute=not problem.q.any()
-                )
-            return max(numbers.values())
-
-        r = np.zeros(problem.q.size) if start is None else np.array(start.r)
-        return iterate_on(measured, FCPoint, _Relaxed(prepared, options, r, budget), budget, options, record)

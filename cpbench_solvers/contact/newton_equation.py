@@ -15,7 +15,6 @@ from scipy.linalg import lapack
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, norm
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
-from cpbench_solvers.lcp.claims import solve_linear
 
 DENSE_FROM = 0.25
 """Share of entries from which a sparse W is factorized as a dense one."""
@@ -25,9 +24,7 @@ class ContactFunction(IntEnum):
     """Function that is 0 at a solution; the numbers are those of the kernel, which has the formulas."""
 
     ALART_CURNIER = 0
-    JEAN_MOREAU = 1
-    NATURAL_MAP = 2
-    FISCHER_BURMEISTER = 3
+    NATURAL_MAP = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,7 @@ class NewtonPoint:
 
 class ContactEquation:
     """Φ of the problem in x = S⁻¹r with W′ = SWS, where ϱ is 1/W′_NN and 1 over the mean of W′_TT's diagonal, or 1 for
-    functions that have one ϱ. A zero of Φ solves the problem, whatever ϱ > 0.
+    the natural map, which has one ϱ. A zero of Φ solves the problem, whatever ϱ > 0.
     """
 
     def __init__(self, contacts: ScaledContacts, function: ContactFunction) -> None:
@@ -56,7 +53,7 @@ class ContactEquation:
         self._shape = (nc, d)
         self._alpha, self._centre = 0.0, contacts.q
         self._rho = np.ones((nc, 2))
-        if function in (ContactFunction.ALART_CURNIER, ContactFunction.JEAN_MOREAU):
+        if function is ContactFunction.ALART_CURNIER:
             mobility = problem.mobility * (contacts.s**2).reshape(self._shape)
             mean = np.stack([mobility[:, 0], mobility[:, 1:].mean(axis=1)], axis=1)
             self._rho = np.where(mean > 0, 1.0 / np.where(mean > 0, mean, 1.0), 1.0)
@@ -107,14 +104,8 @@ class ContactEquation:
         entries = self._kernel.sparse_jacobian(self._first, self._row, self._blocks, A, at.B, *place)
         return sp.csc_array((value[:entries], index[:entries], start), shape=(d * k, d * k))
 
-    def slope(self, at: NewtonPoint, d: Vector) -> float:
-        """Return the slope of ½‖Φ‖² along d, by the element of ∂Φ that `at` has."""
-        step, velocity = d.reshape(self._shape), (self._W @ d).reshape(self._shape)
-        change = np.einsum("cij,cj->ci", at.A, step) + np.einsum("cij,cj->ci", at.B, velocity)
-        return float(at.phi @ change.ravel())
-
-    def direction(self, at: NewtonPoint, tau: float, *, damped: bool) -> Vector | None:
-        """Return −J⁻¹Φ of W′ + τϱ⁻¹, or `damped` argmin ‖Jd + Φ‖² + τ²‖d‖²; None where the system is exactly singular.
+    def direction(self, at: NewtonPoint, tau: float) -> Vector | None:
+        """Return −J⁻¹Φ of W′ + τϱ⁻¹; None where the system is exactly singular.
 
         Contacts with φ = x have d = −x; the system is about the others.
         """
@@ -128,8 +119,7 @@ class ContactEquation:
         right = -at.phi.reshape(self._shape)[contacts]
         right -= np.einsum("cij,cj->ci", at.B[contacts], rest[contacts])
         with np.errstate(all="ignore"):
-            J = self.jacobian(at, 0.0 if damped else tau, contacts)
-            part = _damped(J, right.ravel(), tau) if damped else _solved(J, right.ravel())
+            part = _solved(self.jacobian(at, tau, contacts), right.ravel())
         if part is None:
             return None
         by_contact[contacts] = part.reshape(-1, self._shape[1])
@@ -146,17 +136,3 @@ def _solved(J: Any, right: Vector) -> Vector | None:
         return None
     x = lapack.dgetrs(lu, pivots, right, trans=1, overwrite_b=True)[0]
     return x if np.isfinite(x).all() else None
-
-
-def _damped(J: Any, right: Vector, root: float) -> Vector | None:
-    """Return argmin ‖Jd − right‖² + root²‖d‖² by the augmented system, whose condition number is not squared."""
-    n = right.size
-    whole: Matrix
-    if isinstance(J, sp.csc_array):
-        eye: Any = root * sp.eye_array(n)
-        whole = sp.csr_array(sp.block_array([[eye, J], [J.T, -eye]]))
-    else:
-        eye = root * np.eye(n)
-        whole = np.block([[eye, J], [J.T, -eye]])
-    both = solve_linear(whole, np.concatenate([right, np.zeros(n)]))
-    return None if both is None else both[n:]

@@ -19,12 +19,13 @@ from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
-from cpbench_solvers.contact.proximal_point import EASIER, FORGET, HARDER
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
 ALPHA = (1e-12, 1e3)
+EASIER, HARDER, FORGET = 0.1, 10.0, 0.5
+"""α falls and rises by these; an α that was too small is not tried again until its bound has been forgotten."""
 EASY = 8
 """Newton steps of a proximal point up to which α was easy, and falls."""
 WORSE = 2.0

@@ -1,7 +1,8 @@
-"""Semismooth Newton methods on frictional contact, which differ in the equation alone: line searches, phases, solver.
+"""Semismooth Newton on frictional contact, for the law as two projections (Alart and Curnier) or as K*_μ ∋ û ⟂ r ∈ K_μ
+by De Saxcé's change of variable (the natural map).
 
-J = A + BW with A, B block diagonal is singular where contacts are hyperstatic (W singular). Then W is regularized by
-τϱ⁻¹, or the step is that of Levenberg and Marquardt with ν = τ²; τ falls with ‖Φ‖ and rises where no step descends.
+J = A + BW with A, B block diagonal is singular where contacts are hyperstatic (W singular). W is regularized by τϱ⁻¹
+therefore; τ falls with ‖Φ‖ and rises where no step descends.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import math
 import time
 from collections import deque
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import partial
 from typing import Any, ClassVar
 
@@ -19,7 +19,7 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts, contact_spec
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
@@ -27,8 +27,6 @@ from cpbench_solvers.contact.parts import single_contacts
 from cpbench_solvers.contact.sweeps import ScaledContacts, Sweeps, conclude
 
 DESCENT, HALVINGS = 1e-4, 8
-FLATTEST, STEEPEST, TRIALS = 0.1, 0.9, 12
-"""Shares of the slope between which Goldstein and Price want the mean one of a step, and how many lengths are tried."""
 SHARE = (1e-2, 1e-8, 1e4)
 """Regularization relative to ‖Φ‖: at first, at least, at most. A full step divides it by EASE, a failure times HARD."""
 EASE, HARD = 10.0, 100.0
@@ -39,32 +37,14 @@ STALL = 5_000
 """Steps and sweeps without gain after which it gives up."""
 
 
-class LineSearch(StrEnum):
-    """Demand on a step, for ‖Φ‖: fall (Armijo), fall below the largest of the last ones (Grippo, Lampariello and
-    Lucidi), or fall neither too little nor by a step too short (Goldstein and Price)."""
-
-    NON_MONOTONE = "non-monotone"
-    ARMIJO = "armijo"
-    GOLDSTEIN_PRICE = "goldstein-price"
-
-
-class Regularization(StrEnum):
-    """Remedy for a singular W: τϱ⁻¹ added to it, or least squares with a damping."""
-
-    PROXIMAL = "proximal"
-    LEAST_SQUARES = "least-squares"
-
-
 @dataclass(frozen=True)
 class ContactNewtonOptions:
     """Options of the methods of this module. `sweeps` : of Gauss–Seidel in the beginning, twice as many every time
-    that Newton fails; with 0 there are none at all. `search`, `memory` : of the line search, and how many merits the
-    non-monotone one looks back at. `max_iterations` : steps and sweeps together."""
+    that Newton fails; with 0 there are none at all. `memory` : merits that the line search looks back at: a step has
+    to fall below the largest. `max_iterations` : steps and sweeps together."""
 
     sweeps: int = 30
-    search: LineSearch = LineSearch.NON_MONOTONE
     memory: int = 4
-    regularization: Regularization = Regularization.PROXIMAL
     max_iterations: int = 50_000
 
 
@@ -91,8 +71,7 @@ class NewtonPhase:
 
     def begin(self, r: Vector) -> None:
         self._at = self.equation.at(r / self._s)
-        memory = self._options.memory if self._options.search is LineSearch.NON_MONOTONE else 1
-        self._recent = deque([self._at.size], maxlen=memory)
+        self._recent = deque([self._at.size], maxlen=self._options.memory)
         self._level, self._idle = self._at.size, 0
         self._share = min(self._share, 1.0)
 
@@ -114,14 +93,12 @@ class NewtonPhase:
         if self._idle > PATIENCE or not math.isfinite(size) or size == 0.0:
             return False
         raised = 0
-        least_squares = self._options.regularization is Regularization.LEAST_SQUARES
         while self._share <= SHARE[2]:
             self.factorizations += 1
             self.tau = min(self._share * size, LARGEST)
-            d = self.equation.direction(self._at, self.tau, damped=least_squares)
+            d = self.equation.direction(self._at, self.tau)
             if d is not None:
-                exact = self._options.search is LineSearch.GOLDSTEIN_PRICE
-                found = self._goldstein_price(d) if exact else self._armijo(d)
+                found = self._shortened(d)
                 if found is not None:
                     length, self._at = found
                     self._recent.append(self._at.size)
@@ -133,32 +110,14 @@ class NewtonPhase:
             raised = 1
         return False
 
-    def _armijo(self, d: Vector) -> tuple[float, NewtonPoint] | None:
+    def _shortened(self, d: Vector) -> tuple[float, NewtonPoint] | None:
+        """Return a step along d, and its length, after which ‖Φ‖ is below the largest of the last ones."""
         for halving in range(HALVINGS + 1):
             t = 0.5**halving
             trial = self.equation.at(self._at.x + t * d)
             if trial.size <= (1.0 - DESCENT * t) * max(self._recent):
                 return t, trial
         return None
-
-    def _goldstein_price(self, d: Vector) -> tuple[float, NewtonPoint] | None:
-        merit, slope = 0.5 * self._at.size**2, self.equation.slope(self._at, d)
-        if not slope < 0.0:
-            return None
-        low, high, t = 0.0, math.inf, 1.0
-        enough: tuple[float, NewtonPoint] | None = None
-        for _ in range(TRIALS):
-            trial = self.equation.at(self._at.x + t * d)
-            change = 0.5 * trial.size**2 - merit
-            if not change <= FLATTEST * t * slope:
-                high = t
-            else:
-                enough = t, trial
-                if change >= STEEPEST * t * slope:
-                    break
-                low = t
-            t = 0.5 * (low + high) if math.isfinite(high) else 2.0 * t
-        return enough
 
 
 newton_spec = partial(contact_spec, method="semismooth Newton", options=ContactNewtonOptions)
@@ -238,3 +197,33 @@ class ContactNewton(SolverByParts):
             return output
         note = f"regularized by τ = {newton.tau:.0e} in the last Newton step"
         return replace(output, message="; ".join(part for part in (output.message, note) if part))
+
+
+@register
+class AlartCurnierNewton(ContactNewton):
+    """Sweeps of Gauss–Seidel to come near, then Newton steps with line search; sweeps again where these fail.
+
+    W is regularized by τ, which falls with ‖Φ‖, so that hyperstatic contacts (W singular) have a Newton step. Contacts
+    that are open in the present iterate leave the linear system.
+    """
+
+    function = ContactFunction.ALART_CURNIER
+    spec: ClassVar[SolverSpec] = newton_spec(
+        name="newton-alart-curnier",
+        summary="semismooth Newton on the Alart-Curnier function, from a start by Gauss-Seidel",
+        citation="Alart and Curnier 1991, CMAME 92:353; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
+    )
+
+
+@register
+class NaturalMapContact(ContactNewton):
+    """The method of newton-alart-curnier, on r − P_K(r − ϱû): û has a kink where a contact begins to slide, the
+    derivative there is that without the shift."""
+
+    function = ContactFunction.NATURAL_MAP
+    spec: ClassVar[SolverSpec] = newton_spec(
+        name="newton-natural-map",
+        summary="semismooth Newton on the natural map of the friction cone, from a start by Gauss-Seidel",
+        citation="De Saxcé and Feng 1998, Math. Comput. Modelling 28:225; Acary, Brémond and Huber 2018, LNACM 92:205",
+        by_default=False,
+    )

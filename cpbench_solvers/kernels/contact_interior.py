@@ -9,7 +9,7 @@ Reference in plain NumPy: `tests/solvers/references/interior_point_fc.py`.
 """
 
 import numpy as np
-from numba import boolean, float64, njit, void
+from numba import float64, njit, void
 
 from cpbench_solvers.kernels.array_types import DATA, DATA_2D, QUICK, VECTOR
 
@@ -61,10 +61,10 @@ def _longest(x, dx, step, d):
     return step
 
 
-@njit(void(ROWS, ROWS, DATA_2D, DATA, float64, boolean, ROWS, ROWS, VECTOR, BLOCKS), **QUICK)
-def prepare(y, w, q, Wy, epsilon, shifted, scaling, slope, residual, blocks):
+@njit(void(ROWS, ROWS, DATA_2D, DATA, float64, ROWS, ROWS, VECTOR, BLOCKS), **QUICK)
+def prepare(y, w, q, Wy, epsilon, scaling, slope, residual, blocks):
     """Write the scaling of (y, w), the slope of φ(w) = √(‖w_T‖² + ε²), the residual Wy + q + φ e_N − w and the blocks
-    (I − e_N φ′)Θ; where not `shifted`, φ is 0."""
+    (I − e_N φ′)Θ."""
     nc, d = y.shape
     for i in range(nc):
         own = scaling[i]
@@ -85,13 +85,12 @@ def prepare(y, w, q, Wy, epsilon, shifted, scaling, slope, residual, blocks):
             own[d + k] /= norm
         own[2 * d] = root_w / root_y  # Θ maps det y to det w: s² = det w/det y
         phi = 0.0
-        slope[i] = 0.0
-        if shifted:
-            for k in range(1, d):
-                phi += w[i, k] * w[i, k]
-            phi = np.sqrt(phi + epsilon * epsilon)
-            for k in range(1, d):
-                slope[i, k] = w[i, k] / phi
+        for k in range(1, d):
+            phi += w[i, k] * w[i, k]
+        phi = np.sqrt(phi + epsilon * epsilon)
+        slope[i, 0] = 0.0
+        for k in range(1, d):
+            slope[i, k] = w[i, k] / phi
         for k in range(d):
             residual[i * d + k] = Wy[i * d + k] + q[i, k] - w[i, k]
         residual[i * d] += phi

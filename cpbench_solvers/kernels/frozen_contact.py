@@ -1,7 +1,7 @@
 """Convex contact problems with something held fixed: accelerated projected gradients and projected Gauss–Seidel.
 
-min ½xᵀWx + pᵀx over a product of sets, one for each contact: the friction cone (De Saxcé's term is in p), the cylinder
-ℝ₊ × disk (a friction threshold is given), the half line alone or the disk alone, with the other part of x kept.
+min ½xᵀWx + pᵀx over a product of sets, one for each contact: the friction cone (De Saxcé's term is in p) or the
+cylinder ℝ₊ × disk (a friction threshold is given).
 W is block-CSR with its diagonal blocks, rows of a block one after the other; d = 2 or 3 numbers a contact.
 """
 
@@ -11,8 +11,8 @@ from numba import float64, int64, njit, void
 from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, QUICK, VECTOR
 from cpbench_solvers.kernels.one_contact import projected
 
-CONE, CYLINDER, NORMAL, TANGENT = 0, 1, 2, 3
-"""Sets: ‖x_T‖ ≤ μ x_N; x_N ≥ 0 and ‖x_T‖ ≤ radius; x_N ≥ 0 with x_T kept; ‖x_T‖ ≤ radius with x_N kept."""
+CONE, CYLINDER = 0, 1
+"""Sets: ‖x_T‖ ≤ μ x_N; x_N ≥ 0 and ‖x_T‖ ≤ radius."""
 THETA, STEP = 0, 1
 """Places in `state`."""
 GROW, HALVINGS, LONGEST = 1.05, 60, 100.0
@@ -22,15 +22,12 @@ LOCAL, LOCAL_GAIN = 20, 1e-2
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def project(kind, y0, y1, y2, x0, x1, x2, mu, radius):
-    """Return the nearest point of the set to y; x is where the kept part comes from."""
-    if kind == NORMAL:
-        return max(y0, 0.0), x1, x2
+def project(kind, y0, y1, y2, mu, radius):
+    """Return the nearest point of the set to y."""
     if kind == CONE:
         return projected(y0, y1, y2, mu)
     square = y1 * y1 + y2 * y2
-    # one function for all sets: the branch costs less than the block product
-    normal = x0 if kind == TANGENT else max(y0, 0.0)
+    normal = max(y0, 0.0)
     if square <= radius * radius:
         return normal, y1, y2
     factor = radius / np.sqrt(square)
@@ -67,7 +64,7 @@ def projected_step(kind, z, step, gradient, mu, radius, d, x):
         z2 = z[f + 2] if d == 3 else 0.0
         g2 = gradient[f + 2] if d == 3 else 0.0
         y0, y1, y2 = z[f] - step * gradient[f], z[f + 1] - step * gradient[f + 1], z2 - step * g2
-        n, a, b = project(kind, y0, y1, y2, z[f], z[f + 1], z2, mu[i], radius[i])
+        n, a, b = project(kind, y0, y1, y2, mu[i], radius[i])
         x[f], x[f + 1] = n, a
         if d == 3:
             x[f + 2] = b
@@ -156,9 +153,8 @@ def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, cou
                     v1 += blocks[b + 2] * x[j] + blocks[b + 3] * x[j + 1]
             first = 0.0
             for trial in range(LOCAL):
-                n, a, b2 = project(
-                    kind, x0 - step[i] * v0, x1 - step[i] * v1, x2 - step[i] * v2, x0, x1, x2, mu[i], radius[i]
-                )
+                y0, y1, y2 = x0 - step[i] * v0, x1 - step[i] * v1, x2 - step[i] * v2
+                n, a, b2 = project(kind, y0, y1, y2, mu[i], radius[i])
                 c0, c1, c2 = n - x0, a - x1, b2 - x2
                 x0, x1, x2 = n, a, b2
                 square = c0 * c0 + c1 * c1 + c2 * c2

@@ -22,7 +22,6 @@ from cpbench_solvers.contact.sweeps import block_rows
 METHODS = (
     "auto-fc",
     "nsgs",
-    "nsgs-coloured",
     "admm-fc",
     "newton-alart-curnier",
     "proximal-newton",

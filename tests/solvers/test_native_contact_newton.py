@@ -14,29 +14,17 @@ from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.testing import planted
-from cpbench.verification import judge
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction
-from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, LineSearch, Regularization
+from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows, scaled_contacts
 
-NEWTON = ("newton-alart-curnier", "newton-jean-moreau", "newton-natural-map", "newton-fb-fc")
-NEW = ("admm-fc", "auto-fc", *NEWTON)
+NEWTON = ("newton-alart-curnier", "newton-natural-map")
 FUNCTIONS = list(ContactFunction)
 
 
 def answer(output: SolverOutput) -> FCPoint:
     assert output.point is not None, output.message
     return output.point
-
-
-def hyperstatic(rng: np.random.Generator, nc: int, bodies: int, dimension: int, *, sparse: bool) -> FrictionContact:
-    """W = HᵀH of rank 3·bodies, q in its range and pushing: solvable, with a family of reactions."""
-    H = rng.standard_normal((3 * bodies, dimension * nc))
-    W = H.T @ H
-    if sparse:
-        H[np.abs(H) < 0.8] = 0.0
-        W = sp.csr_array(H.T @ H)
-    return FrictionContact(W=W, q=H.T @ rng.standard_normal(3 * bodies), mu=np.full(nc, 0.4), dimension=dimension)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -67,30 +55,13 @@ def banded(rng: np.random.Generator, nc: int, dimension: int, *, sparse: bool) -
 
 
 def plain(function: ContactFunction, x: np.ndarray, v: np.ndarray, mu: float, rho: np.ndarray) -> np.ndarray:
-    """φ of one contact from its definition, the square root in the Jordan algebra by eigenvalues of a matrix."""
+    """φ of one contact from its definition."""
     K = np.array([mu])
     hat = cones.de_saxce(v[None], K)[0]
     y = x - np.r_[rho[0], np.full(x.size - 1, rho[1])] * v
-    match function:
-        case ContactFunction.NATURAL_MAP:
-            return x - cones.project_friction_cone((x - rho[0] * hat)[None], K)[0]
-        case ContactFunction.FISCHER_BURMEISTER:
-            if mu == 0.0:
-                return np.r_[x[0] + rho[0] * v[0] - np.hypot(x[0], rho[0] * v[0]), x[1:]]
-            a, b = np.r_[mu * x[0], x[1:]], rho[0] * np.r_[hat[0], mu * v[1:]]
-            squares, vectors = np.linalg.eigh(arrow(arrow(a) @ a + arrow(b) @ b))
-            root = vectors @ np.diag(np.sqrt(np.maximum(squares, 0.0))) @ vectors.T
-            return a + b - root[0]
-        case _:
-            base = x[0] if function is ContactFunction.JEAN_MOREAU else y[0]
-            return x - cones.project_cylinder(y[None], np.array([mu * max(base, 0.0)]))[0]
-
-
-def arrow(x: np.ndarray) -> np.ndarray:
-    """L_x: multiplication by x in the Jordan algebra; that of a square root is the root of the matrix, in row 0 too."""
-    L = x[0] * np.eye(x.size)
-    L[0, 1:] = L[1:, 0] = x[1:]
-    return L
+    if function is ContactFunction.NATURAL_MAP:
+        return x - cones.project_friction_cone((x - rho[0] * hat)[None], K)[0]
+    return x - cones.project_cylinder(y[None], np.array([mu * max(y[0], 0.0)]))[0]
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
@@ -128,11 +99,9 @@ def test_the_jacobian_is_the_slope_of_the_function(
         slope = (equation.at(x + h * e).phi - equation.at(x - h * e).phi) / (2 * h)
         np.testing.assert_allclose(J[:, k], slope, atol=1e-5)
     d = np.asarray(np.linalg.solve(J, -at.phi), dtype=np.float64)
-    for damped in (False, True):
-        found = equation.direction(at, 1e-12 if damped else 0.0, damped=damped)
-        assert found is not None
-        np.testing.assert_allclose(found, d, rtol=1e-8, atol=1e-10)
-    assert equation.slope(at, d) == pytest.approx(-(at.size**2))
+    found = equation.direction(at, 0.0)
+    assert found is not None
+    np.testing.assert_allclose(found, d, rtol=1e-8, atol=1e-10)
 
 
 def test_the_regularization_is_that_of_the_operator(rng: np.random.Generator) -> None:
@@ -159,21 +128,6 @@ def test_at_the_apex_the_derivatives_are_numbers() -> None:
             assert at.size == 0.0
             assert np.isfinite(at.A).all()
             assert np.isfinite(at.B).all()
-
-
-@pytest.mark.parametrize("regularization", list(Regularization))
-@pytest.mark.parametrize("search", list(LineSearch))
-@pytest.mark.parametrize("name", NEWTON)
-def test_every_line_search_and_regularization(name: str, search: LineSearch, regularization: Regularization) -> None:
-    """Newton after few sweeps, on full rank and on hyperstatic contacts."""
-    options = ContactNewtonOptions(sweeps=5, search=search, regularization=regularization)
-    for problem in (
-        planted.fc(np.random.default_rng(1), 8, 3, "positive definite")[0],
-        hyperstatic(np.random.default_rng(1), 12, 4, 3, sparse=False),
-    ):
-        output = solvers.get(name).run(problem, Budget(tolerance=1e-8, seconds=120.0), options)
-        assert output.claim is Claim.SOLVED, output.message
-        assert judge(problem, answer(output), 1e-8).solved
 
 
 def test_newton_alone_ends_with_a_word(rng: np.random.Generator) -> None:
@@ -212,58 +166,12 @@ def test_sweeps_in_pieces_are_those_of_one_run(rng: np.random.Generator) -> None
     assert sweeps.done == 7
 
 
-@pytest.mark.parametrize("name", NEW)
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_planted_contacts_are_solved(name: str, dimension: int) -> None:
-    for seed in range(4):
-        problem, _ = planted.fc(np.random.default_rng(seed), 8, dimension, "positive definite")
-        output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
-        assert output.claim is Claim.SOLVED, output.message
-        assert judge(problem, output.point, 1e-8).solved
-
-
-@pytest.mark.parametrize("name", NEW)
-@pytest.mark.parametrize("sparse", [False, True])
-def test_a_singular_delassus_operator_is_no_obstacle(rng: np.random.Generator, name: str, sparse: bool) -> None:
-    problem = hyperstatic(rng, 24, 8, 3, sparse=sparse)
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-6))
-    assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, 1e-6).solved
-
-
-@pytest.mark.parametrize("name", NEW)
-def test_a_warm_start_costs_nothing(rng: np.random.Generator, name: str) -> None:
-    problem, solution = planted.fc(rng, 12, 3, "positive definite")
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=solution)
-    assert output.claim is Claim.SOLVED
-    assert output.counters["iterations"] == 0
-
-
-@pytest.mark.parametrize("name", NEW)
-def test_no_contact_is_no_work(name: str) -> None:
-    output = solvers.get(name).run(FrictionContact(W=np.zeros((0, 0)), q=np.zeros(0), mu=np.zeros(0)))
-    assert output.claim is Claim.SOLVED
-
-
-@pytest.mark.parametrize("name", NEW)
-def test_void_blocks_raise_nothing(name: str) -> None:
-    """An answer or an honest word, no NaN, no warning."""
-    for D in (np.zeros((3, 3)), np.diag([0.0, 1, 1]), np.ones((3, 3)), -np.eye(3)):
-        for q in ([-1.0, 0.5, 0], [1.0, 0.5, 0], [0.0, 0, 0]):
-            problem = FrictionContact(W=D, q=np.array(q), mu=np.array([0.5]), dimension=3)
-            output = solvers.get(name).run(problem, Budget(iterations=100))
-            assert np.isfinite(answer(output).r).all()
-            assert output.claim is not Claim.SOLVED or judge(problem, output.point, 1e-6).solved
-
-
 @pytest.mark.parametrize(
     ("name", "file"),
     [
         ("newton-alart-curnier", "Confeti-ex03-Fc3D-SBM.dat"),
         ("newton-alart-curnier", "Capsules-i125-1213.hdf5"),
-        ("newton-jean-moreau", "BoxesStack1-i100000-32.hdf5.dat"),
         ("newton-natural-map", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
-        ("newton-fb-fc", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
         ("admm-fc", "BoxesStack1-i100000-32.hdf5.dat"),
         ("auto-fc", "BoxesStack1-i100000-32.hdf5.dat"),
     ],

@@ -49,7 +49,7 @@ def test_values_have_the_type_of_the_option() -> None:
 @pytest.mark.needs("cpbench_solvers")
 def test_globs_choose_among_the_names() -> None:
     assert labels("newton-m*") == ["newton-min", "newton-min-micp", "newton-min-mlcp"]
-    asked = [f"{name}[max_iterations=9]" for name in ("nsgs", "nsgs-coloured", "nsgs-gfc", "nsgs-rfc")]
+    asked = [f"{name}[max_iterations=9]" for name in ("nsgs", "nsgs-gfc", "nsgs-rfc")]
     assert labels("nsgs*[max_iterations=9]") == asked
     assert labels("lemke", "l?mke", "lemke") == ["lemke"], "each once"
 
