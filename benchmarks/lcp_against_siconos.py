@@ -302,20 +302,22 @@ def batch(problems: list, threads: int = 1) -> Side:
     """All problems in one call; on several threads MANY times over, for threads take time to start, in wall time."""
     import numpy as np
 
-    from cpbench_solvers.lcp import lemke_batch
+    from cpbench.formulations import LCP
+    from cpbench.formulations.stack import Stack
+    from cpbench_solvers.stacks import solve_lcp
 
     many = 1 if threads == 1 else MANY
     M, q = np.array([p.M for p in problems] * many), np.array([p.q for p in problems] * many)
-    found: list = [None]
+    stack, found = Stack.of_arrays(LCP, {"M": M, "q": q}), [None]
 
     def solve_all() -> None:
-        found[0] = lemke_batch.batch(M, q, threads=threads)
+        found[0] = solve_lcp(stack, 0.0, threads)["z"]
 
     def measure(repeats: int) -> float:
         with one_core.let_go() if threads > 1 else contextlib.nullcontext():
             return loop(solve_all, len(q), repeats, wall=threads > 1)
 
-    return Side("batch" if threads == 1 else f"batch-{threads}", measure, lambda: found[0].z[: len(problems)])
+    return Side("batch" if threads == 1 else f"batch-{threads}", measure, lambda: found[0][: len(problems)])
 
 
 RACES = {

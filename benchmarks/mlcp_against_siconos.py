@@ -52,13 +52,12 @@ OURS = {
     "newton-fb-mlcp": 0,
     "interior-point-mlcp": 0,
     "pgs-mlcp": SWEEPS,
-    "rpgs-mlcp": SWEEPS,
     "enumeration-mlcp": 0,
 }
 RACES = {
     "lemke": (("lcp_lemke",), ("lemke-mlcp",)),
     "newton": (("fb",), ("newton-min-mlcp", "newton-fb-mlcp")),
-    "pgs": (("pgs", "rpgs", "psor"), ("pgs-mlcp", "rpgs-mlcp")),
+    "pgs": (("pgs", "rpgs", "psor"), ("pgs-mlcp",)),
     "enum": (("enum",), ("enumeration-mlcp",)),
     "best": (tuple(SICONOS), tuple(OURS)),
     "kernel": (tuple(SICONOS), ("kernel",)),

@@ -6,19 +6,19 @@ Answers are what the loops end in, right or not: the caller measures them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from cpbench.formulations.stack import Stack
-from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import power_of_two
 from cpbench_solvers.contact.sweeps import MEMORY
-from cpbench_solvers.lcp.lemke_batch import batch
-from cpbench_solvers.lcp.lemke_run import pivot_limit
+from cpbench_solvers.lcp.lemke_run import LemkeOptions, pivot_limit
 from cpbench_solvers.mlcp.claims import equilibration
 from cpbench_solvers.mlcp.pivoting import LemkeMLCPOptions
-from cpbench_solvers.threads import in_parts
 
 Answers: TypeAlias = dict[str, np.ndarray[Any, np.dtype[np.float64]]]
 SWEEPS = 1000
@@ -32,7 +32,12 @@ PIECE = 4096
 
 def solve_lcp(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Pivot by Lemke's method, which ends in a basis: the tolerance is not asked."""
-    return {"z": batch(stack.arrays["M"], stack.arrays["q"], threads=threads).z}
+    M, q = stack.arrays["M"], stack.arrays["q"]
+    pivoting, options = compiled(load("cpbench_solvers.kernels.pivoting_batch").lemke_batch), LemkeOptions()
+    limit, tolerances = pivot_limit(q.shape[1]), (options.pivot_tolerance, options.tie_tolerance)
+    z = np.zeros(q.shape)
+    in_parts(stack.count, threads, lambda some: pivoting(M[some], q[some], z[some], limit, *tolerances))
+    return {"z": z}
 
 
 def solve_fc(stack: Stack, tolerance: float, threads: int) -> Answers:
@@ -122,3 +127,18 @@ def _mixed(count: int, free: int, N: int, data: Callable[[slice], tuple[Any, Any
 
     in_parts(count, threads, part)
     return x
+
+
+def in_parts(count: int, threads: int, part: Callable[[slice], object]) -> None:
+    """Call `part` with slices of `count` things that are as long as each other, one a thread: compiled loops do not
+    hold the interpreter's lock."""
+    bounds = np.linspace(0, count, max(min(threads, count), 1) + 1).astype(int).tolist()
+    *others, last = [slice(*pair) for pair in pairwise(bounds)]
+    if not others:
+        part(last)
+        return
+    with ThreadPoolExecutor(len(others)) as pool:
+        begun = [pool.submit(part, some) for some in others]
+        part(last)
+        for other in begun:
+            other.result()

@@ -1,4 +1,4 @@
-"""Principal pivoting on a whole tableau: Murty's least index, Keller's method, the method of Cottle and Dantzig.
+"""Principal pivoting on a whole tableau: Murty's least index, and the method of Cottle and Dantzig.
 
 The tableau reads y = const + T x. Pair i has a basic variable y_i and a nonbasic one x_i: w_i and z_i at first, the
 other way round where `swapped`. A pivot exchanges names and places, so values belong to variables and stay; the
@@ -109,46 +109,6 @@ def _pair_in_hand(y, x, state, zero):
             least, r = lower, i
     state[1] = r
     return r
-
-
-@njit(_STATE, **COMPILED)
-def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
-    """Lower ½zᵀMz + qᵀz, M symmetric, along z_r with w_r < 0, keeping z ≥ 0, until no w is negative (Keller 1973).
-
-    Only z that are basic, and w_r itself, can block: T restricted to them stays positive definite. Parameters as
-    `murty`; between calls x is 0 but for the pair in hand.
-    """
-    n = y.size
-    while True:
-        r = _pair_in_hand(y, x, state, zero)
-        if r < 0:
-            return SOLVED
-        if state[0] >= until:
-            return LIMIT
-        step, s = np.inf, -1
-        if T[r, r] > pivot_tolerance:
-            step, s = -y[r] / T[r, r], r
-        for i in range(n):
-            # z in the basis must stay ≥ 0; a w may go below and come later
-            if swapped[i] and T[i, r] < -pivot_tolerance and y[i] < -step * T[i, r]:
-                step, s = max(y[i], 0.0) / -T[i, r], i
-        if s < 0:
-            return RAY if np.isfinite(T[r, r]) else NOT_FINITE
-        if not np.isfinite(step):
-            return NOT_FINITE
-        if not T[s, s] > 0.0:
-            state[3] = s
-            return NOT_IN_CLASS
-        x[r] += step
-        for i in range(n):
-            y[i] += T[i, r] * step
-        y[s] = 0.0  # exactly: it is nonbasic from here on
-        exchange(T, s, s, row)
-        _swap_names(y, x, swapped, s)
-        state[0] += 1
-        if s == r:
-            state[1] = -1
-            state[2] += 1
 
 
 @njit(_STATE, **COMPILED)

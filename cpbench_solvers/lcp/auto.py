@@ -25,6 +25,8 @@ FEW = 0.1
 """A larger share of nonzeros counts as dense."""
 STEPS = 2000
 """Of conjugate gradients on faces, a product with M each, before Newton's method is asked."""
+PROJECTED = {"projected": True}
+"""Options of those conjugate gradients."""
 SWEEPS = 100
 """Of projected SOR on a sparse M at most: they cost what factors of M cost that have some twenty times its entries."""
 NEWTON = SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")
@@ -48,7 +50,7 @@ class AutoLCP(ByParts):
         "lemke",
         "bpp",
         "psor",
-        "projected-cg",
+        "mprgp",
         "newton-min",
         "newton-fb",
         "newton-pfb",
@@ -85,9 +87,16 @@ class AutoLCP(ByParts):
         # what takes no longer than to store M as a dense matrix is tried before anything that does
         sweeps = [SolverPhase("psor", min(SWEEPS, n * n // entries))] if few and positive else []
         if n > LARGE and few:
-            faces = [SolverPhase("projected-cg", STEPS)] if problem.symmetric else []
-            return [*sweeps, *faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
-        faces = [SolverPhase("projected-cg", n * n // entries)] if sweeps and problem.symmetric else []
+            faces = [SolverPhase("mprgp", STEPS, PROJECTED)] if problem.symmetric else []
+            return [
+                *sweeps,
+                *faces,
+                *newton,
+                SolverPhase("mprgp", None, PROJECTED),
+                SolverPhase("bpp"),
+                SolverPhase("lemke"),
+            ]
+        faces = [SolverPhase("mprgp", n * n // entries, PROJECTED)] if sweeps and problem.symmetric else []
         bordered = [SolverPhase("bpp")] if positive else []
         return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
 

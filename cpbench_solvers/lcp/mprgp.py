@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,10 +30,12 @@ CHUNK = 256
 
 @dataclass(frozen=True)
 class MPRGPOptions:
-    """Options of the methods of this module. `gamma` : Γ, how much the chopped gradient may outweigh the free one
-    before unknowns are released. `length` : of the step that expands a face, over 1/‖M‖, in ]0, 2]. `max_iterations`
-    : steps of any kind. `stall_window` : steps without gain after which it gives up."""
+    """Options of mprgp, mprgp-qp. `projected` : a face is expanded by projecting the step of conjugate gradients.
+    `gamma` : Γ, how much the chopped gradient may outweigh the free one before unknowns are released. `length` : of
+    the step that expands a face otherwise, over 1/‖M‖, in ]0, 2]. `max_iterations` : steps of any kind.
+    `stall_window` : steps without gain after which it gives up."""
 
+    projected: bool = False
     gamma: float = 1.0
     length: float = 1.9
     max_iterations: int = 100_000
@@ -107,7 +108,6 @@ def _begun(kernel: Any, box: ScaledBox, length: float, first: Vector) -> tuple[V
 def minimize(
     box: ScaledBox,
     options: MPRGPOptions,
-    projected: bool,
     budget: Budget,
     first: Vector,
     error_of: Callable[[Vector], float],
@@ -132,7 +132,7 @@ def minimize(
         until, outcome, before = min(limit, done + CHUNK), kernel.LIMIT, done
         while done < until and outcome == kernel.LIMIT:
             most = next_stop(done, until, record) - done
-            rest = (options.gamma, projected, threshold, most)
+            rest = (options.gamma, options.projected, threshold, most)
             code = kernel.run(*matrix, *law, weight, x, g, p, work, state, *rest)
             done, outcome = done + code // kernel.CODES, code % kernel.CODES
             if record is not None and done < until and outcome == kernel.LIMIT:
@@ -168,10 +168,21 @@ def minimize(
     return MinimizationResult(best, least, claim, message, counters, ray)
 
 
-class _OnLCP(Solver):
-    """Base of the two methods, which differ by their expansions of a face."""
+@register
+class MPRGP(Solver):
+    """Faces are expanded by steps of fixed length along the free gradient, whose rate is that of the condition number,
+    or by projecting the whole step of conjugate gradients, as long as that descends."""
 
-    projected: ClassVar[bool]
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="mprgp",
+        node="lcp",
+        summary="modified proportioning with reduced gradient projections, M symmetric positive semidefinite",
+        method="projection",
+        citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23; Polyak 1969; "
+        "Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
+        traits=ITERATIVE,
+        options=MPRGPOptions,
+    )
 
     def obstacle(self, problem: LCP) -> str | None:
         if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
@@ -197,7 +208,7 @@ class _OnLCP(Solver):
         problem: LCP = prepared.problem
         first = np.zeros(problem.q.size) if start is None else start.z
         measure = lambda z: error_of(problem, z, budget.tolerance)  # noqa: E731
-        ended = minimize(prepared, options, self.projected, budget, first, measure, LCPPoint, record)
+        ended = minimize(prepared, options, budget, first, measure, LCPPoint, record)
         message = ended.message
         if ended.ray is not None:
             y = np.maximum(ended.ray, 0.0)
@@ -214,31 +225,3 @@ class _OnLCP(Solver):
             problem, ended.z, budget, ended.counters, error=ended.error, otherwise=ended.claim, message=message
         )
         return recorded(output, ended.z, problem, record, ended.counters["iterations"] + 1)
-
-
-_spec = partial(SolverSpec, node="lcp", method="projection", traits=ITERATIVE, options=MPRGPOptions)
-
-
-@register
-class MPRGP(_OnLCP):
-    """Faces are expanded by steps of fixed length along the free gradient: the rate is that of the condition number."""
-
-    projected = False
-    spec: ClassVar[SolverSpec] = _spec(
-        name="mprgp",
-        summary="modified proportioning with reduced gradient projections, M symmetric positive semidefinite",
-        citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
-    )
-
-
-@register
-class ProjectedCG(_OnLCP):
-    """A face is expanded by projecting the whole step of conjugate gradients, as long as that descends."""
-
-    projected = True
-    spec: ClassVar[SolverSpec] = _spec(
-        name="projected-cg",
-        summary="projected conjugate gradients with proportioning, M symmetric positive semidefinite",
-        citation="Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
-        by_default=False,
-    )

@@ -1,13 +1,11 @@
-"""Projected Gauss–Seidel, SOR and symmetric SOR on an LCP: z_i ← max(0, z_i - ω w_i/M_ii), one after the other."""
+"""Projected Gauss–Seidel and (symmetric) SOR on an LCP: z_i ← max(0, z_i - ω w_i/M_ii), one after the other."""
 
 from __future__ import annotations
 
 import time
-from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,9 +34,11 @@ class PGSOptions:
 
 @dataclass(frozen=True)
 class PSOROptions(PGSOptions):
-    """Options of psor, ssor. `omega` : over-relaxation, in ]0, 2[."""
+    """Options of psor. `omega` : over-relaxation, in ]0, 2[. `symmetric` : every sweep goes forth and back, so that the
+    order of the unknowns matters less."""
 
     omega: float = 1.3
+    symmetric: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,17 +67,13 @@ def diagonal_obstacle(what: str, diagonal: Vector, instead: str) -> str | None:
     return f"needs a positive diagonal of {what}, {entry}: use {instead}"
 
 
-Sweeps: TypeAlias = Callable[[Vector, Vector, float, Vector], int]
-"""(z, w, tolerance, errors) -> sweeps done: one for every number in `errors` unless the tolerance is met before; z, w
-and the errors are written."""
+class _Splitting(Solver):
+    """Base of the splitting methods, which differ by their relaxation."""
 
-
-class SplittingSolver(Solver):
-    """Base of the splitting methods, which differ by their sweeps."""
-
-    @abstractmethod
-    def sweeps(self, prepared: MatrixColumns, options: Any) -> Sweeps:
-        """Return the compiled sweeps on one problem."""
+    def obstacle(self, problem: LCP) -> str | None:
+        if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
+            return why
+        return diagonal_obstacle("M", problem.M.diagonal(), "lemke or newton-min")
 
     def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
         return MatrixColumns(problem, np.array(problem.M.diagonal()), by_columns(problem.M))
@@ -95,9 +91,9 @@ class SplittingSolver(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        afresh = load("cpbench_solvers.kernels.splitting").afresh
-        problem, q = prepared.problem, prepared.problem.q
-        sweep = self.sweeps(prepared, options)
+        kernel, problem, q = load("cpbench_solvers.kernels.splitting"), prepared.problem, prepared.problem.q
+        relaxed = options if isinstance(options, PSOROptions) else PSOROptions(omega=1.0)
+        law, how = (prepared.matrix, prepared.diagonal, q), (problem.z_unit, relaxed.omega, relaxed.symmetric)
         z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)
         limit = budget.iterations or options.max_iterations
         deadline = time.monotonic() + budget.seconds
@@ -106,7 +102,7 @@ class SplittingSolver(Solver):
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         while True:
             # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
-            error, products = afresh(prepared.matrix, q, z, problem.z_unit, w), products + 1
+            error, products = kernel.afresh(prepared.matrix, q, z, problem.z_unit, w), products + 1
             if record is not None and not sweeps:
                 record(0, error, lambda: LCPPoint(z))
             if error <= aim:
@@ -120,7 +116,7 @@ class SplittingSolver(Solver):
             until = min(limit, sweeps + CHUNK)
             while sweeps < until and error > aim and time.monotonic() <= deadline:
                 errors = np.empty(next_stop(sweeps, min(until, 2 * sweeps + FEW), record) - sweeps)
-                done = sweep(z, w, aim, errors)
+                done = kernel.sweeps(*law, z, w, *how, aim, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: LCPPoint(z))
@@ -135,30 +131,11 @@ class SplittingSolver(Solver):
         return recorded(output, z, problem, record, sweeps + 1)
 
 
-class _Pointwise(SplittingSolver):
-    """One component after the other."""
-
-    symmetric: ClassVar[bool] = False
-    """Whether sweeps go forth and back."""
-
-    def obstacle(self, problem: LCP) -> str | None:
-        if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
-            return why
-        return diagonal_obstacle("M", problem.M.diagonal(), "lemke or newton-min")
-
-    def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
-        sweep = load("cpbench_solvers.kernels.splitting").sweeps
-        law = prepared.matrix, prepared.diagonal, prepared.problem.q
-        omega = options.omega if isinstance(options, PSOROptions) else 1.0
-        rest = prepared.problem.z_unit, omega, self.symmetric
-        return lambda z, w, tolerance, errors: sweep(*law, z, w, *rest, tolerance, errors)
-
-
 _spec = partial(SolverSpec, node="lcp", method="splitting", traits=ITERATIVE)
 
 
 @register
-class PGS(_Pointwise):
+class PGS(_Splitting):
     """A method that converges for symmetric positive definite and for H-matrices with positive diagonal."""
 
     spec: ClassVar[SolverSpec] = _spec(
@@ -170,26 +147,12 @@ class PGS(_Pointwise):
 
 
 @register
-class PSOR(_Pointwise):
+class PSOR(_Splitting):
     """Over-relaxed by ω: faster on some problems, divergent on others."""
 
     spec: ClassVar[SolverSpec] = _spec(
         name="psor",
         summary="projected successive over-relaxation",
-        citation="Cryer 1971; Mangasarian 1977",
+        citation="Cryer 1971; Mangasarian 1977, J. Optim. Theory Appl. 22:465",
         options=PSOROptions,
-    )
-
-
-@register
-class SSOR(_Pointwise):
-    """Every sweep goes forth and back, so that the order of the unknowns matters less."""
-
-    symmetric = True
-    spec: ClassVar[SolverSpec] = _spec(
-        name="ssor",
-        summary="projected symmetric successive over-relaxation",
-        citation="Mangasarian 1977, J. Optim. Theory Appl. 22:465; Cottle, Pang and Stone 1992, section 5.2",
-        options=PSOROptions,
-        by_default=False,
     )

@@ -1,7 +1,7 @@
 """Principal pivoting on an LCP: w_i and z_i change places, one pair or two at a time, until nothing is negative.
 
-What the methods share (the tableau, a warm start from any complementary basis, the proof in a row of the tableau),
-and the methods of Cottle and Dantzig and of Murty; `keller` is the other.
+The methods of Cottle and Dantzig and of Murty, and what they share: the tableau, a warm start from any complementary
+basis, the proof in a row of the tableau.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LOW = -2.0
 
 @dataclass(frozen=True)
 class PrincipalPivotingOptions:
-    """Options of murty, keller, cottle-dantzig. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries
+    """Options of murty, cottle-dantzig. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries
     of the tableau up to this are zero, and `feasibility_tolerance` : values above minus this are not negative, both
     in data scaled to size one."""
 
@@ -114,10 +114,6 @@ class PrincipalPivoting(Solver):
         linear_program.load()
         self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -2.0])))
 
-    def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:
-        """Return the tableau of F; None where the method cannot begin there."""
-        return transform(dense(prepared.M), prepared.q, F)
-
     def solve(
         self,
         prepared: ScaledLCP,
@@ -131,7 +127,8 @@ class PrincipalPivoting(Solver):
         empty = np.empty(0, dtype=np.int64)
         tableau = None
         if start is not None:
-            tableau = self.begin(prepared, np.flatnonzero(guessed(prepared, start.z / prepared.z_unit)), zero)
+            active = np.flatnonzero(guessed(prepared, start.z / prepared.z_unit))
+            tableau = transform(dense(prepared.M), prepared.q, active)
         tableau = tableau or transform(dense(prepared.M), prepared.q, empty)
         assert tableau is not None
         limit = budget.iterations or options.max_pivots or 50 * n + 1000
@@ -161,7 +158,7 @@ class PrincipalPivoting(Solver):
             fresh = None
             # the basis may be right and the tableau spoilt: pivots add up rounding, one factorization does not
             if output.claim is not Claim.SOLVED and restarts < RESTARTS:
-                fresh = self.begin(prepared, F, zero)
+                fresh = transform(dense(prepared.M), prepared.q, F)
             if fresh is None:
                 if output.point is not None and done > 0:
                     show(output.point.z)

@@ -1,4 +1,4 @@
-"""Semismooth Newton on an LCP: ψ(z_i, w_i) = 0 for one of four NCP functions, made global by the merit ½‖Φ‖².
+"""Semismooth Newton on an LCP: ψ(z_i, w_i) = 0 for one of three NCP functions, made global by the merit ½‖Φ‖².
 
 The steps, the line search and what is done where a Jacobian is singular (Levenberg and Marquardt's regularization, the
 gradient of the merit, in the end other starts) are those of the nonlinear problems; the matrix is dense (LAPACK) or
@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum, penalized
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, identity
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
@@ -146,18 +146,5 @@ class NewtonPFB(_NewtonLCP):
         name="newton-pfb",
         summary="semismooth Newton on the penalized Fischer-Burmeister equation, nonmonotone line search",
         citation="Chen, Chen and Kanzow 2000, Math. Program. 88:211",
-        by_default=False,
-    )
-
-
-@register
-class NewtonEP(_NewtonLCP):
-    """Newton's method on zw − ½ min(0, z + w)², smooth, with a singular Jacobian where z_i = w_i = 0: linear there."""
-
-    psi = merit = staticmethod(evtushenko_purtov)
-    spec: ClassVar[SolverSpec] = _spec(
-        name="newton-ep",
-        summary="semismooth Newton on the differentiable function of Evtushenko and Purtov, nonmonotone line search",
-        citation="Evtushenko and Purtov 1984, Soviet Math. Dokl.",
         by_default=False,
     )

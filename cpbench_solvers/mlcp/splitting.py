@@ -7,7 +7,6 @@ has as large entries there as can be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -30,17 +29,11 @@ CHUNK = 256
 
 
 @dataclass(frozen=True)
-class PSORMLCPOptions(PGSOptions):
-    """Options of psor-mlcp. `omega` : over-relaxation, in ]0, 2[."""
+class PGSMLCPOptions(PGSOptions):
+    """Options of pgs-mlcp. `omega` : relaxation, in ]0, 2[, of which more than 1 is faster on some problems and
+    diverges on others."""
 
-    omega: float = 1.2
-
-
-@dataclass(frozen=True)
-class RPGSMLCPOptions(PGSOptions):
-    """Options of rpgs-mlcp. `rho` : added to the sizes of the diagonal entries of data scaled to size one."""
-
-    rho: float = 0.1
+    omega: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -52,18 +45,25 @@ class BasisColumns:
     diagonal: Vector
 
 
-class _Splitting(Solver):
-    """Base of the methods, which differ by ω and what they add to the diagonal."""
+@register
+class PGSMLCP(Solver):
+    """A method that converges for symmetric positive definite [[A, C], [D, B]], or H-matrices of positive diagonal."""
 
-    regularised: ClassVar[bool] = False
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="pgs-mlcp",
+        node="mlcp",
+        summary="projected Gauss-Seidel over equalities and pairs",
+        method="splitting",
+        citation="Cryer 1971; Mangasarian 1977; Cottle, Pang and Stone 1992, section 5.2",
+        traits=ITERATIVE,
+        options=PGSMLCPOptions,
+    )
 
     def obstacle(self, problem: MLCP) -> str | None:
         stored = (problem.A, problem.B, problem.C, problem.D)
         if not any(matrices.is_sparse(M) for M in stored) and (why := dense_obstacle(problem)) is not None:
             return why
-        if self.regularised:
-            return None
-        if why := diagonal_obstacle("B", problem.B.diagonal(), "lemke-mlcp, newton-min-mlcp or rpgs-mlcp"):
+        if why := diagonal_obstacle("B", problem.B.diagonal(), "lemke-mlcp or newton-min-mlcp"):
             return why
         A = sparse(problem.A)
         if not A.data.all():
@@ -73,7 +73,7 @@ class _Splitting(Solver):
             return None
         return "no order of the equalities has nonzero numbers on the diagonal of A: use lemke-mlcp or newton-min-mlcp"
 
-    def setup(self, problem: MLCP, budget: Budget, options: PGSOptions) -> BasisColumns:
+    def setup(self, problem: MLCP, budget: Budget, options: PGSMLCPOptions) -> BasisColumns:
         scaled = _ordered(scale(problem, keep_sparse=True))
         return BasisColumns(scaled, by_columns(scaled.K), np.array(scaled.K.diagonal()))
 
@@ -85,18 +85,14 @@ class _Splitting(Solver):
         self,
         prepared: BasisColumns,
         budget: Budget,
-        options: PGSOptions,
+        options: PGSMLCPOptions,
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         sweep = load("cpbench_solvers.kernels.mlcp_splitting").sweeps
         scaled, n = prepared.scaled, prepared.scaled.free
-        omega = options.omega if isinstance(options, PSORMLCPOptions) else 1.0
-        divisors = prepared.diagonal
-        if isinstance(options, RPGSMLCPOptions):
-            divisors = divisors + np.where(divisors < 0.0, -options.rho, options.rho)
         units = scaled.row_unit, scaled.unit, scaled.problem.v_unit, scaled.problem.equality_scale
-        law = prepared.matrix, divisors, scaled.k, n, *units
+        law = prepared.matrix, prepared.diagonal, scaled.k, n, *units
         x = scaled.start(start)
         best, least = x, scaled.error(x, budget.tolerance)
         limit = budget.iterations or options.max_iterations
@@ -112,7 +108,7 @@ class _Splitting(Solver):
             error = np.inf
             while sweeps < until and error > aim:
                 errors = np.empty(next_stop(sweeps, until, record) - sweeps)
-                done = sweep(*law, x, of_u, of_v, omega, aim, errors)
+                done = sweep(*law, x, of_u, of_v, options.omega, aim, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: scaled.point(x))
@@ -144,45 +140,3 @@ def _ordered(scaled: ScaledMLCP) -> ScaledMLCP:
     order = np.arange(K.shape[0])
     order[column] = row
     return replace(scaled, K=K[order], k=scaled.k[order], row_unit=scaled.row_unit[order])
-
-
-_spec = partial(SolverSpec, node="mlcp", method="splitting", traits=ITERATIVE)
-
-
-@register
-class PGSMLCP(_Splitting):
-    """A method that converges for symmetric positive definite [[A, C], [D, B]], or H-matrices of positive diagonal."""
-
-    spec: ClassVar[SolverSpec] = _spec(
-        name="pgs-mlcp",
-        summary="projected Gauss-Seidel over equalities and pairs",
-        citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
-        options=PGSOptions,
-    )
-
-
-@register
-class PSORMLCP(_Splitting):
-    """Over-relaxed by ω: faster on some problems, divergent on others."""
-
-    spec: ClassVar[SolverSpec] = _spec(
-        name="psor-mlcp",
-        summary="projected successive over-relaxation over equalities and pairs",
-        citation="Cryer 1971; Mangasarian 1977, J. Optim. Theory Appl. 22:465",
-        options=PSORMLCPOptions,
-        by_default=False,
-    )
-
-
-@register
-class RPGSMLCP(_Splitting):
-    """Steps shortened by ρ, so that zeros on the diagonal are no obstacle; the solutions stay what they are."""
-
-    regularised = True
-    spec: ClassVar[SolverSpec] = _spec(
-        name="rpgs-mlcp",
-        summary="projected Gauss-Seidel with regularised steps, zeros on the diagonal allowed",
-        citation="Cottle, Pang and Stone 1992, section 5.2; Rockafellar 1976, SIAM J. Control Optim. 14:877",
-        options=RPGSMLCPOptions,
-        by_default=False,
-    )

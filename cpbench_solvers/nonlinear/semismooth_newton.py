@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum, penalized
 from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
@@ -118,16 +118,4 @@ class SemismoothNewtonPFB(SemismoothNewton):
         name="newton-pfb-micp",
         summary="semismooth Newton on the penalized Fischer-Burmeister equation, nonmonotone line search",
         citation="Chen, Chen and Kanzow 2000, Math. Program. 88",
-    )
-
-
-@register
-class SemismoothNewtonEP(SemismoothNewton):
-    """Newton's method on a smooth function with a singular Jacobian where zᵢ = Fᵢ = 0: linear convergence there."""
-
-    psi = merit = staticmethod(evtushenko_purtov)
-    spec: ClassVar[SolverSpec] = _spec(
-        name="newton-ep-micp",
-        summary="semismooth Newton on the differentiable function of Evtushenko and Purtov, nonmonotone line search",
-        citation="Evtushenko and Purtov 1984, Soviet Math. Dokl.",
     )

@@ -64,9 +64,9 @@ def test_size_and_structure_decide() -> None:
     upwind = sp.diags_array([-1.5, 2.0, -0.5], offsets=[-1, 0, 1], shape=(5000, 5000)).tocsr()
     assert order("auto-lcp", small)[0] == "lemke"
     assert order("auto-lcp", large)[0] == "bpp"
-    assert order("auto-lcp", LCP(M=grid, q=-np.ones(5000)))[:2] == ["psor", "projected-cg"]
+    assert order("auto-lcp", LCP(M=grid, q=-np.ones(5000)))[:2] == ["psor", "mprgp"]
     assert order("auto-lcp", LCP(M=upwind, q=-np.ones(5000)))[:2] == ["psor", "newton-min"]
-    assert order("auto-lcp", LCP(M=grid[:500, :500], q=-np.ones(500)))[:3] == ["psor", "projected-cg", "bpp"]
+    assert order("auto-lcp", LCP(M=grid[:500, :500], q=-np.ones(500)))[:3] == ["psor", "mprgp", "bpp"]
 
 
 def test_sweeps_on_a_sparse_matrix_cost_no_more_than_to_store_it_as_a_dense_one() -> None:

@@ -252,7 +252,7 @@ def test_a_budget_of_pivots_is_kept() -> None:
     assert output.counters["pivots"] == 40
 
 
-@pytest.mark.parametrize("name", ["bpp", "interior-point-lcp", "keller", "mprgp", "murty", "newton-fb", "newton-min"])
+@pytest.mark.parametrize("name", ["bpp", "interior-point-lcp", "mprgp", "murty", "newton-fb", "newton-min"])
 def test_rows_in_units_far_apart_are_claimed_only_where_they_hold(name: str) -> None:
     """M is definite in units 2^±20 of its unknowns, where a norm sees nothing of most rows."""
     for seed in range(12):
@@ -267,7 +267,7 @@ def test_rows_in_units_far_apart_are_claimed_only_where_they_hold(name: str) -> 
             assert judge(problem, output.point, 1e-6).error <= 1e-5, seed
 
 
-@pytest.mark.parametrize("name", ["pgs", "psor", "ssor", "block-gs"])
+@pytest.mark.parametrize("name", ["pgs", "psor"])
 def test_sweeps_end_where_the_verdict_agrees(name: str) -> None:
     """Norms relative to q, which idle rows enlarge, miss by up to 2.5 times, one answer of ten.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.lcp.claims import scale
+from cpbench_solvers.lcp.mprgp import MPRGPOptions
 from cpbench_solvers.lcp.semismooth_newton import LCPBox
 from cpbench_solvers.nonlinear.merit_search import Descent
 
@@ -32,26 +34,7 @@ def membrane(m: int) -> LCP:
     return LCP(M=poisson(m), q=np.where(np.arange(m * m) % m < m // 2, 8.0, -8.0))
 
 
-def reference_ssor(M: np.ndarray, q: np.ndarray, omega: float, sweeps: int) -> np.ndarray:
-    """Projected over-relaxation, forth and back."""
-    z = np.zeros(q.size)
-    for _ in range(sweeps):
-        for i in [*range(q.size), *reversed(range(q.size))]:
-            z[i] = max(0.0, z[i] - omega * (M[i] @ z + q[i]) / M[i, i])
-    return z
-
-
-@pytest.mark.parametrize("sparse", [False, True])
-def test_symmetric_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, sparse: bool) -> None:
-    M = planted.square(rng, 12, "positive definite")
-    q = rng.standard_normal(12)
-    problem = LCP(M=sp.csr_array(M) if sparse else M, q=q)
-    solver = solvers.get("ssor")
-    output = solver.run(problem, Budget(tolerance=1e-16, iterations=7), solver.spec.options(omega=1.2))
-    np.testing.assert_allclose(output.point.z, reference_ssor(M, q, 1.2, 7), rtol=1e-10, atol=1e-12)
-
-
-@pytest.mark.parametrize("solver", ["pgs", "psor", "ssor", "block-gs"])
+@pytest.mark.parametrize("solver", ["pgs", "psor"])
 def test_splittings_solve_a_membrane(solver: str) -> None:
     problem = membrane(12)
     output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
@@ -64,59 +47,6 @@ def test_a_limit_of_sweeps_is_kept_however_it_lies_to_the_chunks(limit: int) -> 
     output = solvers.get("pgs").run(membrane(30), Budget(tolerance=1e-14, iterations=limit))
     assert output.claim is Claim.MAX_ITER
     assert output.counters["iterations"] == limit
-
-
-def reference_block_gs(M: np.ndarray, q: np.ndarray, size: int, omega: float, sweeps: int) -> np.ndarray:
-    """Blocks solved by the registered solver of Lemke's method."""
-    z = np.zeros(q.size)
-    for _ in range(sweeps):
-        for first in range(0, q.size, size):
-            B = slice(first, first + size)
-            local = LCP(M=M[B, B], q=M[B] @ z + q[B] - M[B, B] @ z[B])
-            new = solvers.get("lemke").run(local, Budget(tolerance=1e-12)).point.z
-            z[B] = np.maximum(0.0, z[B] + omega * (new - z[B]))
-    return z
-
-
-@pytest.mark.parametrize("sparse", [False, True])
-@pytest.mark.parametrize(("size", "omega"), [(1, 1.0), (4, 1.0), (5, 1.2), (13, 1.0), (64, 1.0)])
-def test_sweeps_by_blocks_are_those_of_plain_numpy(
-    rng: np.random.Generator, sparse: bool, size: int, omega: float
-) -> None:
-    M = planted.square(rng, 13, "positive definite")
-    q = rng.standard_normal(13)
-    problem = LCP(M=sp.csr_array(M) if sparse else M, q=q)
-    solver = solvers.get("block-gs")
-    options = solver.spec.options(block=size, omega=omega)
-    output = solver.run(problem, Budget(tolerance=1e-16, iterations=3), options)
-    np.testing.assert_allclose(output.point.z, reference_block_gs(M, q, size, omega, 3), rtol=1e-9, atol=1e-12)
-
-
-def test_one_block_is_enough_where_it_holds_everything() -> None:
-    problem, _ = planted.lcp(np.random.default_rng(1), 20, "monotone")
-    solver = solvers.get("block-gs")
-    output = solver.run(problem, Budget(tolerance=1e-9), solver.spec.options(block=20))
-    assert output.claim is Claim.SOLVED
-    assert output.counters["iterations"] <= 2
-
-
-def test_blocks_may_have_zeros_in_their_diagonals() -> None:
-    """Facets of two contacts that hardly feel each other: rows (r_N, beta, lambda), M_lambda,lambda = 0."""
-    contact = np.array([[2.0, 0.5, -0.5, 0], [0.5, 1, -1, 1], [-0.5, -1, 1, 1], [0.3, -1, -1, 0]])
-    M = np.kron(np.eye(2), contact) + 0.02 * np.kron(1 - np.eye(2), contact * np.outer([1, 1, 1, 0], [1, 1, 1, 0]))
-    problem = LCP(M=M, q=np.array([-1.0, 0.7, -0.7, 0.0, -2.0, -0.1, 0.1, 0.0]))
-    solver = solvers.get("block-gs")
-    output = solver.run(problem, Budget(tolerance=1e-10), solver.spec.options(block=4))
-    assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, 1e-10).solved
-    assert solvers.get("pgs").obstacle(problem)
-
-
-def test_a_block_without_solution_ends_as_a_stall() -> None:
-    """M = 0, q < 0: no block has a solution, nothing moves."""
-    output = solvers.get("block-gs").run(LCP(M=np.zeros((3, 3)), q=-np.ones(3)))
-    assert output.claim is Claim.FAILED
-    assert "stalled" in output.message
 
 
 def reference_mprgp(M: np.ndarray, q: np.ndarray, lower: np.ndarray, upper: np.ndarray, steps: int) -> np.ndarray:
@@ -180,25 +110,31 @@ def test_steps_of_mprgp_are_those_of_plain_numpy(rng: np.random.Generator, spars
     np.testing.assert_allclose(output.point.z, reference_mprgp(M, q, zero, inf, steps), rtol=1e-9, atol=1e-11)
 
 
-FACES = ("mprgp", "projected-cg")
+FACES = (False, True)
+"""Whether a face is expanded by projecting the step of conjugate gradients."""
 
 
-@pytest.mark.parametrize("solver", FACES)
+def by_faces(solver: str, problem: LCP | QP, projected: bool, tolerance: float, start: Any = None) -> Any:
+    options = MPRGPOptions(projected=projected)
+    return solvers.get(solver).run(problem, Budget(tolerance=tolerance), options, start=start)
+
+
+@pytest.mark.parametrize("projected", FACES)
 @pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
 @pytest.mark.parametrize("sparse", [False, True])
-def test_faces_solve_semidefinite_problems(solver: str, kind: str, sparse: bool) -> None:
+def test_faces_solve_semidefinite_problems(projected: bool, kind: str, sparse: bool) -> None:
     """A singular M may have many solutions: judged by residuals."""
     for seed in range(10):
         problem, _ = planted.lcp(np.random.default_rng(seed), 30, kind, sparse=sparse)
         if not problem.symmetric:
             continue
-        output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
+        output = by_faces("mprgp", problem, projected, 1e-9)
         assert output.claim is Claim.SOLVED, output.message
         assert_claim(problem, output.point, 1e-9)
 
 
-@pytest.mark.parametrize("solver", FACES)
-def test_faces_prove_that_there_is_no_solution(solver: str) -> None:
+@pytest.mark.parametrize("projected", FACES)
+def test_faces_prove_that_there_is_no_solution(projected: bool) -> None:
     """M = BBᵀ of rank 6 of 10 and q with qᵀy < 0 for a y ≥ 0 in its kernel."""
     rng = np.random.default_rng(4)
     for _ in range(10):
@@ -207,42 +143,41 @@ def test_faces_prove_that_there_is_no_solution(solver: str) -> None:
         B -= np.outer(y, y @ B) / (y @ y)
         q = rng.standard_normal(10)
         problem = LCP(M=B @ B.T, q=q - (q @ y + 0.1) * y / (y @ y))
-        output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
+        output = by_faces("mprgp", problem, projected, 1e-8)
         assert output.claim is Claim.INFEASIBLE, output.message
         assert problem.certifies_infeasibility(output.certificate)
 
 
-@pytest.mark.parametrize("solver", FACES)
-def test_faces_refuse_what_is_not_semidefinite_and_symmetric(solver: str) -> None:
-    chosen = solvers.get(solver)
+def test_faces_refuse_what_is_not_semidefinite_and_symmetric() -> None:
+    chosen = solvers.get("mprgp")
     assert "symmetric" in chosen.obstacle(LCP(M=np.array([[1.0, 1.0], [0.0, 1.0]]), q=np.ones(2)))
     assert "semidefinite" in chosen.obstacle(LCP(M=np.diag([1.0, -1.0]), q=np.ones(2)))
 
 
-@pytest.mark.parametrize("solver", [f"{name}-qp" for name in FACES])
-def test_bounds_of_every_kind(solver: str) -> None:
+@pytest.mark.parametrize("projected", FACES)
+def test_bounds_of_every_kind(projected: bool) -> None:
     for seed in range(20):
         for sparse in (False, True):
             problem, _ = planted.qp(np.random.default_rng(seed), 15, 0, 0, sparse=sparse)
-            output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
+            output = by_faces("mprgp-qp", problem, projected, 1e-9)
             assert output.claim is Claim.SOLVED, output.message
             assert judge(problem, output.point, 1e-9).solved
-            again = solvers.get(solver).run(problem, Budget(tolerance=1e-9), start=output.point)
+            again = by_faces("mprgp-qp", problem, projected, 1e-9, output.point)
             assert again.counters["iterations"] <= 2
 
 
-@pytest.mark.parametrize("solver", [f"{name}-qp" for name in FACES])
-def test_an_objective_without_a_least_value_is_proved_so(solver: str) -> None:
+@pytest.mark.parametrize("projected", FACES)
+def test_an_objective_without_a_least_value_is_proved_so(projected: bool) -> None:
     """z₁ + z₂ is not in Q and falls; with a bound on z₂ it still does, with both it does not."""
     Q, p, free = np.array([[1.0, 1, 0], [1, 1, 0], [0, 0, 2]]), np.array([1.0, -1, 3]), np.full(3, -np.inf)
-    chosen = solvers.get(solver)
-    assert chosen.run(QP.build(Q, p, lb=free)).claim is Claim.UNBOUNDED
+    assert by_faces("mprgp-qp", QP.build(Q, p, lb=free), projected, 1e-6).claim is Claim.UNBOUNDED
     bounded = QP.build(Q, p, lb=np.array([-2.0, -np.inf, 0.0]))
-    output = chosen.run(bounded, Budget(tolerance=1e-9))
+    output = by_faces("mprgp-qp", bounded, projected, 1e-9)
     assert output.claim is Claim.SOLVED
     np.testing.assert_allclose(output.point.z, [-2.0, 3.0, 0.0], atol=1e-8)
-    assert chosen.run(QP.build(np.zeros((2, 2)), [-1.0, 0.0], lb=np.zeros(2))).claim is Claim.UNBOUNDED
-    assert chosen.obstacle(QP.build(np.eye(2), np.ones(2), A=np.ones((1, 2)), b=np.ones(1)))
+    flat = QP.build(np.zeros((2, 2)), [-1.0, 0.0], lb=np.zeros(2))
+    assert by_faces("mprgp-qp", flat, projected, 1e-6).claim is Claim.UNBOUNDED
+    assert solvers.get("mprgp-qp").obstacle(QP.build(np.eye(2), np.ones(2), A=np.ones((1, 2)), b=np.ones(1)))
 
 
 def test_published_bound_constrained_programs(shared_data: Path) -> None:
@@ -251,13 +186,13 @@ def test_published_bound_constrained_programs(shared_data: Path) -> None:
         if path.stem.startswith(("NCVX", "CHENHARK")):
             continue
         problem = storage.load(path)
-        for name in ("mprgp-qp", "projected-cg-qp"):
-            output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
+        for projected in FACES:
+            output = by_faces("mprgp-qp", problem, projected, 1e-8)
             assert output.claim is Claim.SOLVED, (path.name, output.message)
             assert_claim(problem, output.point, 1e-8)
 
 
-NEWTON = ("newton-min", "newton-fb", "newton-pfb", "newton-ep")
+NEWTON = ("newton-min", "newton-fb", "newton-pfb")
 
 
 @pytest.mark.parametrize("solver", NEWTON)
@@ -277,10 +212,9 @@ def test_newton_solves_definite_problems(solver: str, sparse: bool, n: int) -> N
     assert again.counters["iterations"] <= 2
 
 
-@pytest.mark.parametrize("solver", NEWTON[:3])
+@pytest.mark.parametrize("solver", NEWTON)
 @pytest.mark.parametrize("kind", ["singular semidefinite", "monotone"])
 def test_newton_solves_monotone_problems(solver: str, kind: str) -> None:
-    """Not with ep, whose Jacobian is singular wherever z_i = w_i = 0."""
     for seed in range(10):
         problem, _ = planted.lcp(np.random.default_rng(seed), 30, kind, sparse=bool(seed % 2))
         output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
@@ -315,7 +249,7 @@ def test_only_the_active_part_of_a_jacobian_is_factored() -> None:
     np.testing.assert_allclose(descent.newton(at, box.jacobian(z)), np.linalg.solve(V, -at.phi), rtol=1e-9)
 
 
-@pytest.mark.parametrize("solver", ["pgs", "ssor", "block-gs", *FACES, *NEWTON])
+@pytest.mark.parametrize("solver", ["pgs", "psor", "mprgp", *NEWTON])
 def test_histories_begin_at_the_start_and_end_at_the_answer(solver: str) -> None:
     problem = membrane(8)
     seen: list[tuple[int, float, np.ndarray]] = []
@@ -326,7 +260,7 @@ def test_histories_begin_at_the_start_and_end_at_the_answer(solver: str) -> None
     np.testing.assert_array_equal(seen[-1][2], output.point.z)
 
 
-@pytest.mark.parametrize("solver", ["ssor", "block-gs", *FACES, *NEWTON])
+@pytest.mark.parametrize("solver", ["psor", "mprgp", *NEWTON])
 def test_no_claim_on_a_real_file_is_false(shared_data: Path, solver: str) -> None:
     chosen = solvers.get(solver)
     for path in sorted((shared_data / "lcp").glob("*.dat")):

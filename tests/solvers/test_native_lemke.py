@@ -1,17 +1,16 @@
-"""Lemke's kernels against the method on a full tableau; updates by products against updates by vectors; batches."""
+"""Lemke's kernels against the method on a full tableau; updates by products against updates by vectors."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
-from cpbench_solvers.lcp import lemke, lemke_batch, lemke_columns, lemke_run
+from cpbench_solvers.lcp import lemke, lemke_columns, lemke_run
 from cpbench_solvers.lcp.first_basis import dense_lcp
 from cpbench_solvers.lcp.principal_transform import transformed
 
@@ -92,31 +91,6 @@ def test_hundreds_of_unknowns(kind: str) -> None:
     problem, _ = planted.lcp(np.random.default_rng(1), 400, kind)
     output = solvers.get("lemke").run(problem, Budget(tolerance=1e-9))
     assert output.claim is Claim.SOLVED, output.message
-
-
-@pytest.mark.parametrize("n", [1, 6, 30])
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_is_its_problems_one_by_one(n: int, threads: int) -> None:
-    rng = np.random.default_rng(n)
-    problems = [planted.lcp(rng, n, "positive definite")[0] for _ in range(9)]
-    found = lemke_batch.batch(np.array([p.M for p in problems]), np.array([p.q for p in problems]), threads=threads)
-    assert found.complementary.all()
-    for problem, z, pivots in zip(problems, found.z, found.pivots, strict=True):
-        assert judge(problem, LCPPoint(z=z), 1e-10).solved
-        assert pivots == solvers.get("lemke").run(problem).counters["pivots"]
-
-
-def test_a_batch_says_which_ended_in_a_ray() -> None:
-    """-z - 1 = w has no solution, z - 1 = w has z = 1."""
-    found = lemke_batch.batch(np.array([[[-1.0]], [[1.0]], [[np.nan]]]), np.array([[-1.0], [-1.0], [-1.0]]))
-    assert found.complementary.tolist() == [False, True, False]
-    assert found.z[1] == 1.0
-
-
-def test_a_batch_of_other_shapes_is_refused() -> None:
-    with pytest.raises(ProblemError, match="M must be"):
-        lemke_batch.batch(np.eye(3), np.ones(3))
-    assert lemke_batch.batch(np.empty((0, 2, 2)), np.empty((0, 2))).z.shape == (0, 2)
 
 
 def test_a_ray_by_products(monkeypatch: pytest.MonkeyPatch) -> None:

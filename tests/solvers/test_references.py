@@ -87,11 +87,14 @@ def test_lemke_takes_the_pivots_of_its_reference(rng: Rng, n: int) -> None:
     assert rays > 0
 
 
-@pytest.mark.parametrize(("name", "omega"), [("pgs", 1.0), ("psor", 1.3), ("ssor", 1.3)])
-def test_relaxations_make_the_sweeps_of_their_reference(rng: Rng, name: str, omega: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "options"), [("pgs", {}), ("psor", {"omega": 1.3}), ("psor", {"omega": 1.3, "symmetric": True})]
+)
+def test_relaxations_make_the_sweeps_of_their_reference(rng: Rng, name: str, options: dict[str, Any]) -> None:
     problem = semidefinite_lcp(rng, 30)
-    expected = [np.zeros(30), *islice(psor(problem.M, problem.q, omega, symmetric=name == "ssor"), 60)]
-    seen = recorded(name, problem, Budget(tolerance=0.0, iterations=60))
+    expected = [np.zeros(30), *islice(psor(problem.M, problem.q, **{"omega": 1.0} | options), 60)]
+    chosen = solvers.get(name).spec.options(**options)
+    seen = recorded(name, problem, Budget(tolerance=0.0, iterations=60), chosen)
     assert_same(seen, expected, 1e-12, 10)
 
 

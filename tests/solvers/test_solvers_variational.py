@@ -19,7 +19,7 @@ from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 from cpbench_solvers.nonlinear.natural_newton import VIConditions
 
-PROJECTION = ("projection-vi", "extragradient-vi", "solodov-svaiter", "golden-ratio", "projected-reflected")
+PROJECTION = ("projection-vi", "extragradient-vi", "solodov-svaiter")
 INSTANCES = {
     i.name: i.problem
     for c in generators
