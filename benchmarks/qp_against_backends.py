@@ -36,15 +36,11 @@ NATIVE = (
     "proximal-active-set",
     "interior-point-qp",
     "augmented-lagrangian",
-    "proximal-point",
-    "primal-active-set",
-    "nesterov-qp",
 )
 BACKENDS = ("piqp", "proxqp", "quadprog", "daqp", "osqp", "clarabel", "highs", "pyqpmad", "qpalm", "cvxopt")
 LARGE = (
     "interior-point-qp",
     "augmented-lagrangian",
-    "proximal-point",
     "piqp",
     "osqp",
     "clarabel",

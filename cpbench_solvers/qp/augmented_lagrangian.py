@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -49,13 +48,6 @@ class AugmentedLagrangianOptions:
     fall: float = 0.1
     proximal: float = 1e-8
     max_iterations: int = 2000
-
-
-@dataclass(frozen=True)
-class ProximalPointOptions(AugmentedLagrangianOptions):
-    """Options as of augmented-lagrangian, with a proximal term that counts."""
-
-    proximal: float = 1e-4
 
 
 class Subproblem:
@@ -96,8 +88,23 @@ class Subproblem:
         return high
 
 
-class _Multipliers(Solver):
-    """Tolerance: subproblems are solved as far as the constraints are met; the judged error of x, y decides."""
+@register
+class AugmentedLagrangian(Solver):
+    """Multiplier steps with a falling θ; ρ only keeps the Newton systems regular, unless it is larger (1e-4: the
+    proximal method of multipliers).
+
+    Tolerance: subproblems are solved as far as the constraints are met; the judged error of x, y decides.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="augmented-lagrangian",
+        node="qp",
+        summary="augmented Lagrangian, semismooth Newton with exact line search, dense and sparse",
+        method="augmented Lagrangian",
+        citation="Hestenes 1969; Powell 1969; Hermans, Themelis and Patrinos 2019, 58th IEEE CDC",
+        traits=ITERATIVE,
+        options=AugmentedLagrangianOptions,
+    )
 
     def obstacle(self, problem: QP) -> str | None:
         return convex_obstacle(problem)
@@ -174,31 +181,3 @@ class _Multipliers(Solver):
         rows = dy[n:] * form.E
         found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(dy) > 1.0 else None
         return found or (unbounded(problem, form.D * dx, counters) if max_abs(dx) > 1.0 else None)
-
-
-_spec = partial(SolverSpec, node="qp", method="augmented Lagrangian", traits=ITERATIVE)
-
-
-@register
-class AugmentedLagrangian(_Multipliers):
-    """Multiplier steps with a falling θ; ρ only keeps the Newton systems regular."""
-
-    spec: ClassVar[SolverSpec] = _spec(
-        name="augmented-lagrangian",
-        summary="augmented Lagrangian, semismooth Newton with exact line search, dense and sparse",
-        citation="Hestenes 1969; Powell 1969; Hermans, Themelis and Patrinos 2019, 58th IEEE CDC",
-        options=AugmentedLagrangianOptions,
-    )
-
-
-@register
-class ProximalPoint(_Multipliers):
-    """The proximal method of multipliers: ρ counts, which makes the Newton systems better conditioned."""
-
-    spec: ClassVar[SolverSpec] = _spec(
-        name="proximal-point",
-        summary="proximal method of multipliers, semismooth Newton with exact line search, dense and sparse",
-        citation="Rockafellar 1976, Math. Oper. Res. 1:97; Bambade, El-Kazdadi, Taylor and Carpentier 2022, RSS",
-        options=ProximalPointOptions,
-        by_default=False,
-    )

@@ -99,11 +99,6 @@ class ActiveSet:
             if watch is not None:
                 watch()
 
-    def build(self, deadline: float) -> None:
-        """Build the working set of the multipliers that were given; rows that depend on others pass theirs on."""
-        while self._state[self._kernel.BUILT] < self._y.size and time.monotonic() <= deadline:
-            self._advance(self.passes)
-
     @property
     def passes(self) -> int:
         return int(self._state[self._kernel.PASSES])

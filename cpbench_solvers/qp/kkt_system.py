@@ -110,12 +110,6 @@ class KKT:
         finite = bool(np.isfinite(w).all() and np.isfinite(theta).all())
         return finite and self._kernel.factor_system(self.H, self.G, self.system, self._w, self._theta, self._delta)
 
-    def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-        """Return (dx, v) of the regularized system."""
-        x, v = np.empty(self.n), np.empty(self._r)
-        self._kernel.apply(self.system, a, b, x, v)
-        return x, v
-
     def solve(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         """Return (dx, v), refined while that helps."""
         x, v = np.empty(self.n), np.empty(self._r)

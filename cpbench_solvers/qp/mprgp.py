@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,10 +21,19 @@ FLAT = 1e-12
 """|Qd| of each row, over |Q||d|, up to which Qd is rounding."""
 
 
-class _OnBox(Solver):
-    """Base of the two methods, which differ by their expansions of a face."""
+@register
+class MPRGPOnQP(Solver):
+    """The method of mprgp between bounds."""
 
-    projected: ClassVar[bool]
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="mprgp-qp",
+        node="qp",
+        summary="modified proportioning with reduced gradient projections, bounds only",
+        method="projection",
+        citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
+        traits=ITERATIVE,
+        options=MPRGPOptions,
+    )
 
     def obstacle(self, problem: QP) -> str | None:
         if problem.b.size or problem.d.size:
@@ -62,7 +70,7 @@ class _OnBox(Solver):
             return measure.error((answer.z, answer.lam, answer.mu, answer.nu))
 
         first = np.zeros(problem.p.size) if start is None else start.z
-        ended = minimize(prepared, options, self.projected, budget, first, error, point, record)
+        ended = minimize(prepared, options, budget, first, error, point, record)
         if ended.error <= budget.tolerance:
             return SolverOutput(claim=Claim.SOLVED, point=point(ended.z), counters=ended.counters)
         claim, message = ended.claim, ended.message
@@ -111,31 +119,3 @@ def descent_without_end(problem: QP, ray: Vector, budget: Budget) -> Vector | No
 def _falls(problem: QP, d: Vector) -> bool:
     rounding = FLAT * (abs(problem.Q) @ np.abs(d))
     return bool((np.abs(problem.Q @ d) <= rounding).all() and problem.p @ d < -1e-9 * max_abs(problem.p) * max_abs(d))
-
-
-_spec = partial(SolverSpec, node="qp", method="projection", traits=ITERATIVE, options=MPRGPOptions)
-
-
-@register
-class MPRGPOnQP(_OnBox):
-    """Modified proportioning: a face is expanded by a step of fixed length along the free gradient."""
-
-    projected = False
-    spec: ClassVar[SolverSpec] = _spec(
-        name="mprgp-qp",
-        summary="modified proportioning with reduced gradient projections, bounds only",
-        citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
-    )
-
-
-@register
-class ProjectedCGOnQP(_OnBox):
-    """A face is expanded by projecting the whole step of conjugate gradients, as long as that descends."""
-
-    projected = True
-    spec: ClassVar[SolverSpec] = _spec(
-        name="projected-cg-qp",
-        summary="projected conjugate gradients with proportioning, bounds only",
-        citation="Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
-        by_default=False,
-    )

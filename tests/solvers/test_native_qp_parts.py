@@ -17,7 +17,7 @@ from cpbench.verification import judge
 from cpbench_solvers.qp.apart import MOST, parted, solve_apart
 from cpbench_solvers.qp.claims import ErrorMeasure
 
-NAMES = ["auto-qp", "interior-point-qp", "proximal-active-set", "augmented-lagrangian", "primal-active-set"]
+NAMES = ["auto-qp", "interior-point-qp", "proximal-active-set", "augmented-lagrangian"]
 
 
 def run(name: str, problem: Any, tolerance: float = 1e-6, **how: Any) -> Any:
