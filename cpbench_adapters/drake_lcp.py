@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.base import (
     Budget,
@@ -25,9 +26,10 @@ from cpbench.solvers.base import (
     register,
 )
 from cpbench.solvers.stopping import Stopping
-from cpbench_adapters.dense_lcp import dense_matrix, too_large
 
 CITATION = "Tedrake and the Drake Development Team: Drake, model-based design and verification for robotics (2019)"
+ARRAYS, DENSE_BYTES = 4, 4e9
+"""Dense n x n matrices that a solve keeps (ours, the constraint's, and two of the guest), and the most memory."""
 LICENCE = "BSD-3-Clause"
 """Of Drake itself; its wheel bundles others (METADATA: Various) that these solvers do not call."""
 
@@ -45,14 +47,18 @@ class DrakeLCP(Solver):
     def obstacle(self, problem: LCP) -> str | None:
         if problem.q.size == 0:
             return "has no unknown (n = 0): Drake refuses an empty program"
-        return too_large(problem, 4)  # ours, the constraint's, and the guest's two working matrices
+        n, size = problem.q.size, 8.0 * ARRAYS * problem.q.size**2
+        if size <= DENSE_BYTES:
+            return None
+        most = f"{size / 1e9:.1f} GB (at most {DENSE_BYTES / 1e9:.0f} GB)"
+        return f"keeps {ARRAYS} dense {n}x{n} matrices: {most}; use a sparse solver"
 
     def setup(self, problem: LCP, budget: Budget, options: Any) -> tuple[Any, Any]:
         from pydrake.solvers import MathematicalProgram
 
         program = MathematicalProgram()
         z = program.NewContinuousVariables(problem.q.size)
-        program.AddLinearComplementarityConstraint(dense_matrix(problem), problem.q, z)
+        program.AddLinearComplementarityConstraint(matrices.dense(problem.M), problem.q, z)
         return program, z
 
     def solve(

@@ -1,6 +1,6 @@
-"""Complementarity solvers of GAMS, through gamspy: one process of GAMS a worker, one model, data replaced.
+"""PATH, the standard solver of mixed complementarity problems, through gamspy: one process of GAMS a worker.
 
-GAMS runs in a separate process, which is started in the warm-up; the numbers
+GAMS runs in a separate process, which is started in the warm-up and has one model, whose data are replaced; the numbers
 reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
 statement: GAMS generates the model, runs the solver in yet another process and reads its answer. GAMS' own count of
 seconds (resUsd) has the launch of that process in it, so that it is not handed on as what the solver reports.
@@ -9,8 +9,6 @@ seconds (resUsd) has the launch of that process in it, so that it is not handed 
 from __future__ import annotations
 
 import os
-from abc import abstractmethod
-from collections.abc import Mapping
 from functools import cache
 from typing import Any, ClassVar
 
@@ -29,10 +27,10 @@ from cpbench.solvers.base import (
     SolverSpec,
     Trait,
     package_version,
+    register,
 )
-from cpbench.solvers.stopping import Stopping
+from cpbench.solvers.stopping import Stopping, no_looser
 from cpbench_adapters import gams_licence
-from cpbench_adapters.gams_stopping import stopping
 from cpbench_adapters.gams_workspace import explained, workspace
 from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp, share
 
@@ -46,34 +44,39 @@ CLAIMS = {
 """Solver status, or solver and model status -> our claim; every other end is FAILED."""
 
 
-class GamsMCP(Solver):
-    """One solver of GAMS for LCP and MLCP. Tolerance: on the residual of the scaled problem (`scaled_mcp`)."""
+TOLERANCES = {"convergence_tolerance": 1e-6}
+"""PATH's own tolerance, by its name in the option file."""
 
-    guest: ClassVar[str]
-    """Its name in GAMS."""
 
-    @abstractmethod
-    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
-        """Return the lines of its option file, with its tolerances by their names."""
+def path_stopping(tolerance: float) -> Stopping:
+    """Return PATH's test, which is asked for `tolerance` in its own measure."""
+    settings = no_looser(dict.fromkeys(TOLERANCES, tolerance), TOLERANCES)
+    return Stopping(test="residual of its normal map, absolute", settings=settings, defaults=TOLERANCES)
+
+
+def path_settings(stopping: Stopping, budget: Budget) -> dict[str, Any]:
+    """Return PATH's option file; its limit of pivots is raised to GAMS', which the budget bounds."""
+    return {**stopping.settings, "cumulative_iteration_limit": budget.iterations or 1_000_000}
+
+
+class GamsPath(Solver):
+    """Newton's method on the normal map, each linear problem solved by Lemke's pivoting. Tolerance: on the residual of
+    the scaled problem (`scaled_mcp`)."""
 
     def stopping(self, tolerance: float, problem: LCP | MLCP | None = None) -> Stopping:
-        return stopping(self.guest, share(tolerance) if problem is None else scaled_mcp(problem).share(tolerance))
-
-    def rows(self, problem: LCP | MLCP) -> int:
-        """Return rows of the model that is solved in the end."""
-        return sum(problem.point_sizes.values())
+        return path_stopping(share(tolerance) if problem is None else scaled_mcp(problem).share(tolerance))
 
     def availability(self) -> Availability:
         found = super().availability()
-        return gams_availability(self.guest) if found.ok else found
+        return gams_availability() if found.ok else found
 
     def obstacle(self, problem: LCP | MLCP) -> str | None:
         n = sum(problem.point_sizes.values())
         if n == 0:
             return "has no unknown (n = 0): GAMS refuses an empty model"
         most = gams_licence.most_rows()
-        if most is not None and self.rows(problem) > most:
-            return f"n = {n} makes a model of {self.rows(problem)} rows: the demo licence of GAMS ends at {most}"
+        if most is not None and n > most:
+            return f"n = {n} makes a model of {n} rows: the demo licence of GAMS ends at {most}"
         rows, columns = _empty(problem)
         if rows or columns:
             return (
@@ -94,13 +97,12 @@ class GamsMCP(Solver):
         with explained(self.spec.name):
             gams = workspace()
             gams.load(prepared)
-            tolerances = stopping(self.guest, prepared.share(budget.tolerance)).settings
-            settings = self.settings(tolerances, budget)
-            gams.solve(self.guest, settings, budget, prepared.start(start))
+            settings = path_settings(path_stopping(prepared.share(budget.tolerance)), budget)
+            gams.solve(settings, budget, prepared.start(start))
             model, x = gams.model, gams.x.toDense()
             ended, found = model.solve_status.name, model.status.name
             if "LicenseError" in (ended, found):
-                raise Unavailable("licence", f"{self.guest}: {ended}, {found}; {gams_licence.ADVICE}")
+                raise Unavailable("licence", f"path: {ended}, {found}; {gams_licence.ADVICE}")
         claim = CLAIMS.get((ended, found)) or CLAIMS.get(ended, Claim.FAILED)
         return SolverOutput(
             claim=claim,
@@ -123,60 +125,50 @@ class GamsMCP(Solver):
         return package_version("gamspy_base")
 
 
-def gams_spec(
-    name: str,
-    node: str,
-    *,
-    summary: str,
-    method: str,
-    citation: str,
-    install: str,
-    starts: bool = False,
-    **more: Any,
-) -> Any:
-    """Return the spec of one of them; `starts`: it begins at the levels that its variables have."""
+def path_spec(name: str, node: str) -> SolverSpec:
+    """Return the spec of PATH on the problems of a node."""
     return SolverSpec(
         name=name,
         node=node,
-        summary=summary,
-        method=method,
-        citation=citation,
+        summary="PATH through GAMS: Newton on the normal map, Lemke pivoting inside",
+        method="Newton with pivoting",
+        citation="Dirkse and Ferris, Optim. Methods Softw. 5 (1995); Ferris and Munson, ibid. 12 (1999)",
         requires=("gamspy",),
-        install=install,
+        install="pip install gamspy",
         licence="proprietary",
         publishing=gams_licence.PUBLISHING,
-        traits=frozenset(
-            {Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES} | ({Trait.WARM_START} if starts else set())
-        ),
-        **more,
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES, Trait.WARM_START}),
     )
 
 
+@register
+class PathLCP(GamsPath):
+    """The method for the LCP."""
+
+    spec: ClassVar[SolverSpec] = path_spec("gams-path", "lcp")
+
+
+@register
+class PathMLCP(GamsPath):
+    """The method for the MLCP, its equations as they are."""
+
+    spec: ClassVar[SolverSpec] = path_spec("gams-path-mlcp", "mlcp")
+
+
 @cache
-def gams_availability(guest: str) -> Availability:
-    """Return whether GAMS starts with its licence and has the solver; costs one start of GAMS a process, 20 ms."""
-    try:
-        return _installed(guest) or _licensed()
-    except Exception as error:
-        return Availability("broken", f"{type(error).__name__}: {error}")
-
-
-def _installed(guest: str) -> Availability | None:
-    """Return `missing` for a solver that GAMS does not know yet, else None."""
+def gams_availability() -> Availability:
+    """Return whether GAMS starts with its licence and has PATH; costs one start of GAMS a process, 20 ms."""
     from gamspy.utils import getInstalledSolvers
 
-    if guest.upper() in getInstalledSolvers(os.fspath(gams_licence.system_directory())):
-        return None
-    return Availability("missing", f"gamspy install solver {guest}")
-
-
-@cache
-def _licensed() -> Availability:
-    code, message = gams_licence.refusal()
-    if code == 0:
-        return Availability("ok")
-    licence = code == gams_licence.LICENSING
-    return Availability("licence", f"{message}; {gams_licence.ADVICE}") if licence else Availability("broken", message)
+    try:
+        if "PATH" not in getInstalledSolvers(os.fspath(gams_licence.system_directory())):
+            return Availability("missing", "gamspy install solver path")
+        code, message = gams_licence.refusal()
+    except Exception as error:
+        return Availability("broken", f"{type(error).__name__}: {error}")
+    if code == gams_licence.LICENSING:
+        return Availability("licence", f"{message}; {gams_licence.ADVICE}")
+    return Availability("broken", message) if code else Availability("ok")
 
 
 def _empty(problem: LCP | MLCP) -> tuple[int, int]:

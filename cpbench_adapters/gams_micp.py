@@ -1,8 +1,8 @@
-"""PATH, MILES and NLPEC on nonlinear complementarity problems: a process of GAMS a solve, which reads the model.
+"""PATH on nonlinear complementarity problems: a process of GAMS a solve, which reads the model.
 
 The time is that of the process: compiling the model, generating it, and the solver. GAMS' own count of seconds (resUsd)
 has the launch of the solver in it, so that it is not handed on as what the solver reports.
-Tolerance: a tenth of ours, on the guest's absolute residual: the size of F at a start says nothing about a solution,
+Tolerance: a tenth of ours, on PATH's absolute residual: the size of F at a start says nothing about a solution,
 and beside a pole it may be anything. An answer is claimed solved where the error of its rows agrees, each in its own
 unit.
 """
@@ -13,8 +13,6 @@ import dataclasses
 import math
 import subprocess
 import tempfile
-from abc import abstractmethod
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -36,40 +34,32 @@ from cpbench.solvers.base import (
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.solvers.stopping import Stopping
 from cpbench_adapters import gams_licence, gams_model
-from cpbench_adapters.gams_mcp import gams_availability, gams_spec
-from cpbench_adapters.gams_stopping import stopping
+from cpbench_adapters.gams_mcp import gams_availability, path_settings, path_spec, path_stopping
 
 NORMAL, ITERATIONS, RESOURCES, LICENCE = 1, 2, 3, 7
 """Solver statuses of GAMS."""
 CLOSE = 100.0
-"""Factor of the tolerance up to which what a guest calls solved is claimed `inaccurate`, beyond it `failed`."""
+"""Factor of the tolerance up to which what PATH calls solved is claimed `inaccurate`, beyond it `failed`."""
 GRACE = 10.0
 """Seconds beyond the budget after which the process is ended."""
 SHARE, LEAST = 0.1, 1e-14
-"""Share of our tolerance that a guest is asked for, and the least of all."""
+"""Share of our tolerance that PATH is asked for, and the least of all."""
 UNSEEN = "absolute: it may pass too early where F is below 1, whose size is not known before it is solved"
 
 
-class GamsMiCP(Solver):
-    """One solver of GAMS for node micp."""
+@register
+class PathMiCP(Solver):
+    """Newton's method on the normal map, each linear problem solved by Lemke's pivoting."""
 
-    guest: ClassVar[str]
-
-    @abstractmethod
-    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
-        """Return its option file, with its tolerances by their names."""
+    spec: ClassVar[SolverSpec] = path_spec("gams-path-micp", "micp")
 
     def stopping(self, tolerance: float, problem: MiCP | None = None) -> Stopping:
-        found = stopping(self.guest, max(SHARE * tolerance, LEAST))
-        return dataclasses.replace(found, differs=found.differs or UNSEEN, factor=math.inf)
-
-    def rows(self, problem: MiCP) -> int:
-        """Return rows of the model that is solved in the end."""
-        return problem.start.size
+        found = path_stopping(max(SHARE * tolerance, LEAST))
+        return dataclasses.replace(found, differs=UNSEEN, factor=math.inf)
 
     def availability(self) -> Availability:
         found = super().availability()
-        return gams_availability(self.guest) if found.ok else found
+        return gams_availability() if found.ok else found
 
     def obstacle(self, problem: MiCP) -> str | None:
         n, F = problem.start.size, problem.F
@@ -79,8 +69,8 @@ class GamsMiCP(Solver):
         if lacking:
             return f"F has {', '.join(lacking)}, for which GAMS has no smooth function"
         most = gams_licence.most_rows()
-        if most is not None and self.rows(problem) > most:
-            return f"n = {n} makes a model of {self.rows(problem)} rows: the demo licence of GAMS ends at {most}"
+        if most is not None and n > most:
+            return f"n = {n} makes a model of {n} rows: the demo licence of GAMS ends at {most}"
         rows, columns = gams_model.idle(F)
         if rows or columns:
             return (
@@ -101,15 +91,15 @@ class GamsMiCP(Solver):
             limits["resLim"] = budget.seconds
         with tempfile.TemporaryDirectory(prefix="gams-") as name:
             folder = Path(name)
-            (folder / "model.gms").write_text(gams_model.model(prepared, first, self.guest, limits))
-            settings = self.settings(self.stopping(budget.tolerance).settings, budget).items()
-            (folder / f"{self.guest}.opt").write_text("".join(f"{key} {value}\n" for key, value in settings))
-            values = _run(folder, self.guest, budget)
+            (folder / "model.gms").write_text(gams_model.model(prepared, first, limits))
+            settings = path_settings(self.stopping(budget.tolerance), budget).items()
+            (folder / "path.opt").write_text("".join(f"{key} {value}\n" for key, value in settings))
+            values = _run(folder, budget)
         if isinstance(values, str):
             return SolverOutput(claim=Claim.FAILED, message=values)
         ended, found, iterations, z = int(values[0]), int(values[1]), values[2], values[3:]
         if ended == LICENCE:
-            raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
+            raise Unavailable("licence", f"path has no licence; {gams_licence.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
         error = _error(prepared, point)
         if error <= budget.tolerance:
@@ -138,7 +128,7 @@ def _error(problem: MiCP, point: MiCPPoint | None) -> float:
         return row_error(point.z, problem.F(point.z), problem.F.jacobian(point.z), problem.lb, problem.ub)
 
 
-def _run(folder: Path, guest: str, budget: Budget) -> Any:
+def _run(folder: Path, budget: Budget) -> Any:
     """Return the numbers that the model wrote, or what went wrong in a line."""
     command = [str(gams_licence.system_directory() / "gams"), "model.gms", "logOption=0", "threads=1"]
     command.append(f"license={gams_licence.licence_file()}")
@@ -148,7 +138,7 @@ def _run(folder: Path, guest: str, budget: Budget) -> Any:
     except subprocess.TimeoutExpired:
         return "out of time: the process of GAMS was ended"
     if done.returncode == gams_licence.LICENSING:
-        raise Unavailable("licence", f"{guest}; {gams_licence.ADVICE}")
+        raise Unavailable("licence", f"path; {gams_licence.ADVICE}")
     written = folder / "answer.txt"
     if not written.exists():
         listing = folder / "model.lst"
@@ -162,68 +152,3 @@ def _read(word: str) -> float:
     """Return a number of GAMS: it may be UNDF, NA, EPS or an infinity."""
     named = {"UNDF": math.nan, "NA": math.nan, "EPS": 0.0, "+INF": math.inf, "-INF": -math.inf}
     return named[word] if word in named else float(word)
-
-
-def _spec(name: str, summary: str, method: str, citation: str, install: str, **more: Any) -> SolverSpec:
-    return gams_spec(name, "micp", summary=summary, method=method, citation=citation, install=install, **more)
-
-
-@register
-class PathMiCP(GamsMiCP):
-    """PATH: Newton's method on the normal map, each linear problem solved by Lemke's pivoting."""
-
-    guest = "path"
-    spec: ClassVar[SolverSpec] = _spec(
-        "gams-path-micp",
-        "PATH through GAMS: Newton on the normal map, Lemke pivoting inside",
-        "Newton with pivoting",
-        "Dirkse and Ferris, Optim. Methods Softw. 5 (1995); Ferris and Munson, ibid. 12 (1999)",
-        "pip install gamspy",
-        starts=True,
-    )
-
-    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
-        """Return the option file: its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget
-        bounds."""
-        return {**tolerances, "cumulative_iteration_limit": budget.iterations or 1_000_000}
-
-
-@register
-class MilesMiCP(GamsMiCP):
-    """MILES: linearise, solve the LCP by Lemke's algorithm, damp."""
-
-    guest = "miles"
-    spec: ClassVar[SolverSpec] = _spec(
-        "gams-miles-micp",
-        "MILES through GAMS: Newton with Lemke pivoting",
-        "Newton with pivoting",
-        "Rutherford, MILES: a mixed inequality and nonlinear equation solver (1993)",
-        "pip install gamspy; gamspy install solver miles",
-    )
-
-    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
-        """Return the option file: `contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
-        return tolerances
-
-
-@register
-class NlpecMiCP(GamsMiCP):
-    """NLPEC: complementarity as products x·s = 0 with slacks s, its default reformulation, by CONOPT."""
-
-    guest = "nlpec"
-    spec: ClassVar[SolverSpec] = _spec(
-        "gams-nlpec-micp",
-        "NLPEC through GAMS: complementarity as products, solved by CONOPT",
-        "nonlinear program",
-        "Ferris, Dirkse and Meeraus, in Frontiers in Applied General Equilibrium Modeling (2005)",
-        "pip install gamspy",
-    )
-
-    def rows(self, problem: MiCP) -> int:
-        """Return a product for every bound, and an objective."""
-        return problem.start.size + int(np.isfinite([problem.lb, problem.ub]).sum()) + 1
-
-    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
-        """Return the option file: `testTol` is NLPEC's check of complementarity; CONOPT keeps its own tolerances.
-        It is named, since it is none of the solvers whose results may not be published."""
-        return {**tolerances, "subSolver": "conopt"}

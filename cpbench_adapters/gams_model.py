@@ -83,7 +83,7 @@ def expressions(F: Map) -> list[str]:
     return [texts[end] for end in F.outputs.tolist()]
 
 
-def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float]) -> str:
+def model(problem: MiCP, start: Vector, limits: Mapping[str, float]) -> str:
     """Return the whole file: it writes the statuses, iterations and levels to answer.txt."""
     n = problem.start.size
     lines = ["$offDigit", "$offListing", "option limRow=0, limCol=0, solPrint=off;"]
@@ -95,7 +95,7 @@ def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float])
         )
         lines.append(" ".join([*bounds, f"x{i}.l={_number(level)};"]))
     lines.append("Model m /" + ",\n".join(f"e{i}.x{i}" for i in range(n)) + "/;")
-    lines.append(f"option mcp={guest}; m.optFile=1;")
+    lines.append("option mcp=path; m.optFile=1;")
     lines += [f"m.{name}={_number(value)};" for name, value in limits.items()]
     lines.append("solve m using mcp;")
     lines.append("file answer /answer.txt/; answer.nr=2; answer.nd=15; answer.nw=25; put answer;")

@@ -66,8 +66,8 @@ class Workspace:
         self.k.setRecords(np.array(mcp.k))
         self._loaded = mcp
 
-    def solve(self, guest: str, settings: Mapping[str, Any], budget: Budget, first: Vector) -> None:
-        """Run a solver on what is loaded, from the levels `first`: else it would start at the answer before."""
+    def solve(self, settings: Mapping[str, Any], budget: Budget, first: Vector) -> None:
+        """Run PATH on what is loaded, from the levels `first`: else it would start at the answer before."""
         import gamspy as gp
 
         assert self._loaded is not None
@@ -79,8 +79,7 @@ class Workspace:
             limits["time_limit"] = budget.seconds
         if budget.iterations is not None:
             limits["iteration_limit"] = budget.iterations
-        # no `output`: gamspy stops reading where an inner job ends (NLPEC has one), and the pipe fills until it blocks
-        self.model.solve(solver=guest, options=gp.Options(**limits), solver_options=dict(settings))
+        self.model.solve(solver="path", options=gp.Options(**limits), solver_options=dict(settings))
 
     def _tidy(self) -> None:
         """Delete the files of jobs that are done: gamspy keeps the data of every problem."""

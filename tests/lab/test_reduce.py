@@ -284,13 +284,3 @@ def test_what_cannot_be_reduced_is_refused_in_one_line(folder: Path, arguments: 
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
-
-
-@pytest.mark.nightly
-def test_a_real_lie_is_reduced(tmp_path: Path) -> None:
-    """CasADi's Newton claims success on iterates that are no numbers, where the Jacobian is singular."""
-    pytest.importorskip("casadi")
-    cpbench.save(LCP(M=np.diag([1.0, -1.0, 1.0]), q=[1.0, -1.0, -1.0]), tmp_path / "p.h5")
-    done = command(tmp_path, "reduce", "p.h5", "-s", "casadi-fischer-burmeister", "--while", "wrong", "-o", "r", "-q")
-    assert done.returncode == 0, done.stderr
-    assert cpbench.load(tmp_path / "r/problem.h5").q.size == 1

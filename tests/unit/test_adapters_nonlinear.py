@@ -22,7 +22,7 @@ OBJECTIVE = {"hs39": -1.0, "hs49": 0.0}
 """f* as Hock and Schittkowski print it."""
 EXACT = ("scipy-root-hybr", "scipy-root-lm", "newton-equation")
 NLP_SOLVERS = ("casadi-ipopt-nlp", "casadi-sqpmethod", "scipy-slsqp", "scipy-trust-constr")
-GAMS = ("gams-path-micp", "gams-miles-micp", "gams-nlpec-micp")
+GAMS = ("gams-path-micp",)
 
 
 VANISHING = ("hs39", "hs49")
