@@ -2,9 +2,8 @@
 
 Variables are numbered w_i: i, z_i: n + i, z_0: 2n. The tableau reads x_B + T x_N = rhs, one column (slot) for every
 nonbasic variable. Every column is kept as it was after the first `age` pivots, and the pivots themselves as the
-columns that entered. A column is read from M and brought up to date when it enters, one pivot after the other; where
-that would take many of them, the caller does it for several columns at once, by matrix products (`prepare`, GEMM,
-`restore`). Columns that never enter, half of them in most problems, cost nothing.
+columns that entered. A column is read from M and brought up to date when it enters, one pivot after the other.
+Columns that never enter, half of them in most problems, cost nothing.
 
 Reference in plain NumPy: `tests/solvers/references/lemke.py`.
 """
@@ -30,7 +29,7 @@ from cpbench_solvers.kernels.tableau import (
 from cpbench_solvers.kernels.vectors import finite
 
 BEHIND, FULL = 4, 5
-"""Two more outcomes of `advance`: the entering column is far behind; there is no room for more pivots."""
+"""Two more outcomes of `advance`: a column is unknown; there is no room for more pivots."""
 SPARE = 8
 """Room for pivots beyond n: most runs never fill it."""
 WHOLE = 16
@@ -85,15 +84,15 @@ def pivot(col, rhs, entered, r, room, later):
 @njit(
     int64(
         *(ANY_ORDER, float64, float64[:, ::1], int64[::1], float64[:, ::1], int64[::1], float64[::1]),
-        *(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], int64, int64, float64, float64),
+        *(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], int64, float64, float64),
     ),
     **COMPILED,
 )
 def advance(
     columns, factor, C, age, E, rows, rhs, basic, nonbasic, where, state, ties, value,
-    far, max_pivots, pivot_tolerance, tie_tolerance,
+    max_pivots, pivot_tolerance, tie_tolerance,
 ):  # fmt: skip
-    """Pivot until z_0 leaves, or until the caller has work: a column is unknown or lacks more than `far` pivots.
+    """Pivot until z_0 leaves, or until the caller has work.
 
     Parameters
     ----------
@@ -112,7 +111,7 @@ def advance(
             return LIMIT
         if k == E.shape[0]:
             return FULL
-        if k - age[s] > far:
+        if age[s] == UNKNOWN:
             state[4] = s
             return BEHIND
         col = C[s]
@@ -177,7 +176,7 @@ def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolera
     state[0], state[1], state[2], state[3] = 0, n, 0, first_row(M, q, ties)
     while True:
         columns, tableau = (M.T, -1.0 / m, C, age, E, rows), (rhs, basic, nonbasic, where, state, ties, value)
-        outcome = advance(*columns, *tableau, E.shape[0], max_pivots, pivot_tolerance, tie_tolerance)
+        outcome = advance(*columns, *tableau, max_pivots, pivot_tolerance, tie_tolerance)
         if outcome != FULL:
             break
         for slot in range(n + 1):

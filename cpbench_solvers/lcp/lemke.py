@@ -15,7 +15,6 @@ from cpbench_solvers.avi.claims import load_measure, verdict_error
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench_solvers.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench_solvers.lcp.lemke_columns import BLOCKS
 from cpbench_solvers.lcp.lemke_restarts import PAIRS_KERNEL
 from cpbench_solvers.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, judged
 
@@ -68,7 +67,6 @@ class Lemke(Solver):
 
     def warmup_quickly(self) -> None:
         load(PAIRS_KERNEL)  # for games
-        load(BLOCKS)  # for problems that are larger than the one that is solved here
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 
     def solve(

@@ -21,7 +21,8 @@ from cpbench_solvers.lcp.principal_transform import PrincipalTransform, transfor
 
 PIVOTING = "cpbench_solvers.kernels.pivoting"
 SMALL = 250
-"""Up to this size columns are updated by vectors alone; beyond it those that lack many pivots by matrix products."""
+"""Up to this size one compiled call makes all pivots; beyond it there is a look at the clock after CHUNK of them."""
+CHUNK = 32
 LEAST, MOST = 8, 48
 """How many columns of a transformed LCP are computed at once: as many as q' has negative components, within these."""
 SETTLED = frozenset({Claim.SOLVED, Claim.INFEASIBLE})
@@ -96,7 +97,7 @@ class LemkeRun:
         else:
             likely = min(max(int((seen.q < 0.0).sum()), LEAST), MOST)
             run = PivotingState(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
-            if self._products(run, self._options, most=seen.q.size) != "complementary":
+            if self._pivoted(run, self._options, most=seen.q.size) != "complementary":
                 return None
             z = seen.lifted(run.w, run.z)
         output = ended_in_basis(lcp.problem, z, np.flatnonzero(z), self._budget, self.counters)
@@ -160,7 +161,7 @@ class LemkeRun:
             return conclude(problem, np.zeros_like(problem.q), budget, counters)
         p = max_abs(problem.q) or 1.0
         run = PivotingState(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
-        outcome = self._products(run, options)
+        outcome = self._pivoted(run, options)
         return self._ended(run.z * (p / lcp.unit), outcome)
 
     def _after_loop(self, z: Vector, code: int) -> SolverOutput:
@@ -182,22 +183,24 @@ class LemkeRun:
             return conclude(problem, z, budget, counters, otherwise=claim, message=message)
         return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
 
-    def _products(self, run: PivotingState, options: LemkeOptions, most: int | None = None) -> str:
-        """Pivot, and bring what lies far behind by matrix products; at most `most` pivots; outcome in words."""
+    def _pivoted(self, run: PivotingState, options: LemkeOptions, most: int | None = None) -> str:
+        """Pivot, at most `most` times; outcome in words."""
         kernel = self._kernel
         limit = self.left if most is None else min(self.left, most)
-        while True:
-            status = run.advance(limit, options.pivot_tolerance, options.tie_tolerance)
+        word = ""
+        while not word:
+            until = min(limit, run.pivots + CHUNK)
+            status = run.advance(until, options.pivot_tolerance, options.tie_tolerance)
             if status == kernel.BEHIND:
                 run.bring_likely()
             elif status == kernel.FULL:
                 run.forget_pivots()
-            else:
-                break
-            if time.monotonic() > self._deadline:
-                break
+            elif status != kernel.LIMIT or until == limit:
+                word = self._word(status)
+            if not word and time.monotonic() > self._deadline:
+                word = "out of time"
         self._spend(run.pivots)
-        return self._word(status)
+        return word
 
     def _spend(self, pivots: int) -> None:
         self.counters["pivots"] += pivots
@@ -205,7 +208,5 @@ class LemkeRun:
 
     def _word(self, status: int) -> str:
         kernel = self._kernel
-        if status == kernel.COMPLEMENTARY:
-            return "complementary"
-        words = {kernel.RAY: "ray", kernel.LIMIT: "pivot limit", kernel.NOT_FINITE: "not finite"}
-        return words.get(status, "out of time")
+        words = {kernel.COMPLEMENTARY: "complementary", kernel.RAY: "ray", kernel.LIMIT: "pivot limit"}
+        return words.get(status, "not finite")

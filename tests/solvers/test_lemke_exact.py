@@ -109,15 +109,15 @@ def by_columns(kernel: Any, M: Any, q: Any, z: Any) -> int:
     return kernel.solve(M, q, z, *room, LIMIT, *TOLERANCES)
 
 
-def by_products(kernel: Any, M: Any, q: Any, z: Any) -> int:
-    """The loop for hundreds of unknowns, which is helped from outside, on few."""
+def by_pieces(kernel: Any, M: Any, q: Any, z: Any) -> int:
+    """The loop for hundreds of unknowns, which forgets its pivots from outside, on few."""
     m, p = abs(M).max() or 1.0, abs(q).max()
     if q.min() >= 0.0:
         z[:] = 0.0
         return kernel.COMPLEMENTARY
-    state = PivotingState(kernel, M.T, q / p, factor=-1.0 / m, block=2, room=4, likely=2)
-    while (status := state.advance(LIMIT, *TOLERANCES)) in (kernel.BEHIND, kernel.FULL):
-        state.bring_likely() if status == kernel.BEHIND else state.forget_pivots()
+    state = PivotingState(kernel, M.T, q / p, factor=-1.0 / m, room=4)
+    while (status := state.advance(LIMIT, *TOLERANCES)) == kernel.FULL:
+        state.forget_pivots()
     z[:] = state.z * (p / m)
     return state.pivots * kernel.CODES + status
 
@@ -133,7 +133,7 @@ def outcomes_are_exact(problems: list[Integers]) -> Counter[str]:
         outcome, pivots, exact = exact_lemke.lemke(*given, first)
         counted[outcome] += 1
         counted["topmost " + exact_lemke.lemke(*given, first, lexicographic=False)[0]] += 1
-        for loop in (by_tableau, by_columns, by_products):
+        for loop in (by_tableau, by_columns, by_pieces):
             z = np.empty(q.size)
             code = loop(kernel, M, q, z)
             assert (words.get(code % kernel.CODES), code // kernel.CODES) == (outcome, pivots), (loop.__name__, M, q)

@@ -124,14 +124,6 @@ def test_real_files_take_the_same_way_twice(shared_data: Path, name: str, most: 
     assert (first.counters, first.message) == (second.counters, second.message)
 
 
-def test_an_answer_is_a_start_that_costs_nothing(shared_data: Path) -> None:
-    problem = storage.load(shared_data / "fc3d_local" / "Confeti-ex03-Fc3D-SBM.dat")
-    solver, budget = solvers.get("auto-fc"), Budget(tolerance=1e-8)
-    warm = solver.run(problem, budget, start=solver.run(problem, budget).point)
-    assert warm.claim is Claim.SOLVED
-    assert warm.counters["iterations"] == 0
-
-
 @pytest.mark.parametrize(("tolerance", "most"), [(1e-4, 5_000), (1e-8, 7_000)])
 def test_a_scene_on_which_acceleration_stands_still_is_solved(shared_data: Path, tolerance: float, most: int) -> None:
     """`nsgs` needs 1,710 and 5,034 sweeps; accelerated ones stand still at 3e-4, and Newton steps cost more."""

@@ -117,28 +117,6 @@ def test_a_form_and_back(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(back.y, point.y)
 
 
-@pytest.mark.parametrize("name", ["admm-coneqp", "admm-soclcp"])
-def test_nothing_is_left_to_do_from_the_answer(name: str, rng: np.random.Generator) -> None:
-    K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 0.5))
-    make = planted_conic.plain_coneqp if name == "admm-coneqp" else planted_conic.soclcp
-    problem, _ = make(rng, K, "positive definite")
-    solver = solvers.get(name)
-    output = solver.run(problem, Budget(tolerance=1e-5))
-    again = solver.run(problem, Budget(tolerance=1e-5), start=output.point)
-    assert (again.claim, again.counters["iterations"]) == (Claim.SOLVED, 0)
-
-
-def test_histories_fall_to_the_answer(rng: np.random.Generator) -> None:
-    problem, _ = planted_conic.coneqp(rng, 12)
-    for name in PROGRAMS:
-        errors: list[float] = []
-        output = solvers.get(name).run(
-            problem, Budget(tolerance=1e-7), record=lambda k, e, point, errors=errors: errors.append(e)
-        )
-        assert output.claim is Claim.SOLVED
-        assert errors[-1] <= 1e-7 < errors[0]
-
-
 def test_impossible_programs_are_refused_or_stall() -> None:
     """x ≤ −1 and x ≥ 1; an indefinite Q and M; rows beside a box."""
     K = ProductCone.of((Cone.NONNEGATIVE, 1, 2))

@@ -79,27 +79,6 @@ def test_one_contact_is_solved_exactly(rng: np.random.Generator, skew: float) ->
         np.testing.assert_allclose(answer(output).r, one_contact(D, q, mu), rtol=1e-7, atol=1e-9)
 
 
-def test_a_sweep_is_that_of_plain_numpy(rng: np.random.Generator) -> None:
-    """Three sweeps over six contacts, every contact solved by `one_contact` with the others held."""
-    nc, mu = 6, 0.4
-    W = np.kron(np.eye(nc), np.zeros((3, 3)))
-    for c in range(nc):
-        W[3 * c : 3 * c + 3, 3 * c : 3 * c + 3] = block(rng, 0.0) + np.eye(3)
-    coupling = 0.05 * rng.standard_normal((3 * nc, 3 * nc))
-    mask = np.kron(np.eye(nc), np.ones((3, 3))) == 0
-    W = W + np.where(mask, coupling + coupling.T, 0.0)
-    q = rng.standard_normal(3 * nc) - np.tile([1.0, 0, 0], nc)
-    r = np.zeros(3 * nc)
-    for _ in range(3):
-        for c in range(nc):
-            at = slice(3 * c, 3 * c + 3)
-            D = W[at, at]
-            r[at] = one_contact(D, W[at] @ r - D @ r[at] + q[at], mu)
-    problem = FrictionContact(W=W, q=q, mu=np.full(nc, mu), dimension=3)
-    output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-300, iterations=3))
-    np.testing.assert_allclose(answer(output).r, r, rtol=1e-8, atol=1e-10)
-
-
 def one_contact_2d(D: np.ndarray, q: np.ndarray, mu: float) -> list[np.ndarray]:
     """Every solution of one contact in 2D: each of the four modes is solved for and its inequalities looked at."""
     found = [np.zeros(2)] if q[0] >= 0 else []
@@ -322,13 +301,6 @@ def test_a_singular_delassus_operator_is_no_obstacle(rng: np.random.Generator, n
     output = solvers.get(name).run(problem, Budget(tolerance=1e-6))
     assert output.claim is Claim.SOLVED, output.message
     assert judge(problem, output.point, 1e-6).solved
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_a_right_start_is_returned(rng: np.random.Generator, name: str) -> None:
-    problem, solution = planted.fc(rng, 12, 3, "positive definite")
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=FCPoint(solution.r))
-    assert (output.claim, output.counters["iterations"]) == (Claim.SOLVED, 0)
 
 
 @pytest.mark.parametrize("name", METHODS)

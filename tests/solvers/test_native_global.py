@@ -68,13 +68,6 @@ def test_planted_problems_are_solved(node: str, sparse: bool) -> None:
 
 
 @pytest.mark.parametrize("node", SOLVERS)
-def test_a_warm_start_costs_nothing(node: str) -> None:
-    problem, answer = problem_of(node, 0, sparse=False)
-    output = solvers.get(SOLVERS[node]).run(problem, Budget(tolerance=1e-8), start=answer)
-    assert (output.claim, output.counters["iterations"]) == (Claim.SOLVED, 0)
-
-
-@pytest.mark.parametrize("node", SOLVERS)
 def test_a_start_near_the_answer_saves_iterations(rng: np.random.Generator, node: str) -> None:
     problem, answer = problem_of(node, 0, sparse=False)
     solver = solvers.get(SOLVERS[node])

@@ -123,19 +123,6 @@ def test_a_start_is_used() -> None:
     assert solver.run(problem, Budget(tolerance=1e-9), start=near).counters["iterations"] < cold.counters["iterations"]
 
 
-def test_errors_are_recorded_to_the_last() -> None:
-    problem, _ = planted.mlcp(np.random.default_rng(2), 6, 9, "positive definite")
-    seen: list[tuple[int, float]] = []
-    output = solvers.get("interior-point-mlcp").run(
-        problem, Budget(tolerance=1e-8), record=lambda k, error, point: seen.append((k, error))
-    )
-    steps = output.counters["iterations"]
-    assert [k for k, _ in seen] in (list(range(steps + 1)), list(range(steps + 2)))  # + the solution on the active set
-    errors = [error for _, error in seen]
-    assert errors[steps] <= 1e-8 < errors[steps - 1]
-    assert errors[-1] == min(errors)
-
-
 def test_what_has_no_solution_is_not_solved() -> None:
     problem = LCP(M=np.zeros((2, 2)), q=np.array([-1.0, 1.0]))
     output = solvers.get("interior-point-lcp").run(problem, Budget(tolerance=1e-8))

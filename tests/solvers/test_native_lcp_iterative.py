@@ -247,29 +247,3 @@ def test_only_the_active_part_of_a_jacobian_is_factored() -> None:
     V = at.beta[:, None] * box.jacobian(z) + np.diag(at.alpha)
     assert 0 < np.count_nonzero(at.beta == 0) < 12
     np.testing.assert_allclose(descent.newton(at, box.jacobian(z)), np.linalg.solve(V, -at.phi), rtol=1e-9)
-
-
-@pytest.mark.parametrize("solver", ["pgs", "psor", "mprgp", *NEWTON])
-def test_histories_begin_at_the_start_and_end_at_the_answer(solver: str) -> None:
-    problem = membrane(8)
-    seen: list[tuple[int, float, np.ndarray]] = []
-    output = solvers.get(solver).run(problem, Budget(tolerance=1e-8), record=lambda k, e, p: seen.append((k, e, p().z)))
-    assert output.claim is Claim.SOLVED
-    assert seen[0][0] == 0
-    assert seen[-1][1] <= 1e-8
-    np.testing.assert_array_equal(seen[-1][2], output.point.z)
-
-
-@pytest.mark.parametrize("solver", ["psor", "mprgp", *NEWTON])
-def test_no_claim_on_a_real_file_is_false(shared_data: Path, solver: str) -> None:
-    chosen = solvers.get(solver)
-    for path in sorted((shared_data / "lcp").glob("*.dat")):
-        problem = storage.load(path)
-        if chosen.obstacle(problem) is None:
-            output = chosen.run(problem, Budget(tolerance=1e-8, seconds=120.0))
-            if output.claim is Claim.SOLVED:
-                assert judge(problem, output.point, 1e-8).solved, path.name
-            elif output.claim is Claim.INFEASIBLE:
-                assert problem.certifies_infeasibility(output.certificate), path.name
-            else:
-                assert output.message, path.name

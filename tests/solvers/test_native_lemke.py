@@ -1,4 +1,4 @@
-"""Lemke's kernels against the method on a full tableau; updates by products against updates by vectors."""
+"""Lemke's kernels against the method on a full tableau, and what begins elsewhere."""
 
 from __future__ import annotations
 
@@ -6,84 +6,14 @@ import numpy as np
 import pytest
 
 from cpbench.formulations import LCP, LCPPoint
-from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
-from cpbench_solvers.lcp import lemke, lemke_columns, lemke_run
+from cpbench_solvers.lcp import lemke, lemke_run
 from cpbench_solvers.lcp.first_basis import dense_lcp
 from cpbench_solvers.lcp.principal_transform import transformed
 
 KINDS = ("positive definite", *planted.SQUARE[:3])
-
-
-def reference_pivots(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, int]:
-    """z and pivots of Lemke's method on the full tableau [I, −M, −e | q] (Cottle, Pang, Stone, 4.4), no ties."""
-    n = q.size
-    T = np.hstack([np.eye(n), -M, -np.ones((n, 1)), q[:, None]])
-    basis = list(range(n))
-    row, entering = int(np.argmin(q)), 2 * n
-    for pivots in range(1, 20 * n):
-        T[row] /= T[row, entering]
-        others = np.arange(n) != row
-        T[others] -= np.outer(T[others, entering], T[row])
-        leaving, basis[row] = basis[row], entering
-        if leaving == 2 * n:
-            x = np.zeros(2 * n + 1)
-            x[basis] = T[:, -1]
-            return x[n : 2 * n], pivots
-        entering = leaving + n if leaving < n else leaving - n
-        blocks = T[:, entering] > 1e-11
-        assert blocks.any()
-        row = int(np.argmin(np.where(blocks, T[:, -1] / np.where(blocks, T[:, entering], 1.0), np.inf)))
-    raise AssertionError("too many pivots")
-
-
-@pytest.mark.parametrize("n", [3, 12, 16, 17, 60])
-def test_both_loops_take_the_pivots_of_the_full_tableau(n: int) -> None:
-    """On either side of the size from which columns are updated when they are needed."""
-    kernel = kernel_cache.load("cpbench_solvers.kernels.pivoting")
-    rng = np.random.default_rng(n)
-    for _ in range(10):
-        M, q, z = planted.square(rng, n, "positive definite"), rng.standard_normal(n), np.empty(n)
-        q[0] = -abs(q[0])
-        expected, pivots = reference_pivots(M, q)
-        code = kernel.lemke(M, q, z, 1000, 1e-11, 1e-13)
-        assert (code % kernel.CODES, code // kernel.CODES) == (kernel.COMPLEMENTARY, pivots)
-        np.testing.assert_allclose(z, expected, rtol=1e-7, atol=1e-9)
-
-
-@pytest.mark.parametrize(("block", "room"), [(2, 0), (4, 8), (3, 6), (8, 0), (32, 0)])
-@pytest.mark.parametrize("kind", KINDS)
-def test_updates_by_products_are_those_by_vectors(
-    monkeypatch: pytest.MonkeyPatch, block: int, room: int, kind: str
-) -> None:
-    """The same pivots and values, also where rows are pivoted on twice in a block and pivots are forgotten."""
-    kernel = kernel_cache.load("cpbench_solvers.kernels.pivoting")
-    monkeypatch.setattr(lemke_columns, "FAR", 1)
-    monkeypatch.setattr(lemke_columns, "LIKELY", 5)
-    options = lemke_run.LemkeOptions()
-    for seed in range(5):
-        problem, _ = planted.lcp(np.random.default_rng(seed), 40, kind)
-        M, q = np.array(problem.M), np.array(problem.q)
-        if q.min() >= 0.0:
-            continue
-        unit = np.abs(q).max() / np.abs(M).max()
-        run = lemke_columns.PivotingState(
-            kernel, M.T, q / np.abs(q).max(), factor=-1.0 / np.abs(M).max(), block=block, room=room
-        )
-        while (status := run.advance(3000, options.pivot_tolerance, options.tie_tolerance)) in (
-            kernel.BEHIND,
-            kernel.FULL,
-        ):
-            run.bring_likely() if status == kernel.BEHIND else run.forget_pivots()
-        z = np.empty(40)
-        code = kernel.lemke(M, q, z, 3000, options.pivot_tolerance, options.tie_tolerance)
-        assert code % kernel.CODES == status == kernel.COMPLEMENTARY
-        if kind == "positive definite":
-            assert run.pivots == code // kernel.CODES
-            np.testing.assert_allclose(run.z * unit, z, rtol=1e-7, atol=1e-9)
-        assert judge(problem, LCPPoint(z=run.z * unit), 1e-8).solved
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -93,7 +23,7 @@ def test_hundreds_of_unknowns(kind: str) -> None:
     assert output.claim is Claim.SOLVED, output.message
 
 
-def test_a_ray_by_products(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ray_beyond_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
     """Infeasible and larger than SMALL: the ray is recognised there too, and proven."""
     for module in (lemke, lemke_run):
         monkeypatch.setattr(module, "SMALL", 10)

@@ -277,16 +277,6 @@ def test_enumeration_finds_what_least_squares_find(seed: int) -> None:
     assert any(np.allclose(point.v, reference.v, atol=1e-7) for point in points)
 
 
-@pytest.mark.parametrize("solver", ["newton-min-mlcp", "newton-fb-mlcp", "pgs-mlcp", "interior-point-mlcp"])
-def test_their_own_answer_ends_them_at_once(solver: str) -> None:
-    problem, _ = planted.mlcp(np.random.default_rng(8), 6, 9, "positive definite")
-    plugin = solvers.get(solver)
-    cold = plugin.run(problem, Budget(tolerance=1e-9))
-    warm = plugin.run(problem, Budget(tolerance=1e-9), start=cold.point)
-    assert cold.claim is warm.claim is Claim.SOLVED
-    assert warm.counters["iterations"] <= 2
-
-
 @pytest.mark.parametrize("solver", ["lemke-mlcp", "newton-min-mlcp"])
 def test_every_file_of_siconos_to_eight_digits(shared_data: Path, solver: str) -> None:
     """The electronic circuits among them have a singular A, and an indefinite matrix as they are stored."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cpbench.errors import UnknownName
-from cpbench.formulations import GFCPoint, NFCPoint, NonlinearFrictionContact
+from cpbench.formulations import GFCPoint, NonlinearFrictionContact
 from cpbench.formulations.expressions import Map
 from cpbench.solvers import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.verification import judge
@@ -176,13 +176,6 @@ def test_an_inner_solver_of_another_node_is_named():
     newton = solvers.get("newton-nfc")
     with pytest.raises(UnknownName, match="lemke"):
         newton.run(INSTANCES["drag-1"].problem, None, newton.spec.options(inner="lemke"))
-
-
-def test_from_the_answer_there_is_nothing_to_do():
-    instance = INSTANCES["spin-20"]
-    out = solvers.get("newton-nfc").run(instance.problem, Budget(tolerance=1e-10), start=instance.solution)
-    assert out.counters["iterations"] == 0
-    assert isinstance(out.point, NFCPoint)
 
 
 def test_what_cannot_be_solved_is_not_claimed():

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from references.admm_fc import admm_fc
 from references.dual_active_set import dual_active_set
 from references.interior_point_fc import interior_point_fc
@@ -94,8 +95,9 @@ def test_relaxations_make_the_sweeps_of_their_reference(rng: Rng, name: str, opt
     problem = semidefinite_lcp(rng, 30)
     expected = [np.zeros(30), *islice(psor(problem.M, problem.q, **{"omega": 1.0} | options), 60)]
     chosen = solvers.get(name).spec.options(**options)
-    seen = recorded(name, problem, Budget(tolerance=0.0, iterations=60), chosen)
-    assert_same(seen, expected, 1e-12, 10)
+    for M in (problem.M, sp.csr_array(problem.M)):
+        seen = recorded(name, LCP(M=M, q=problem.q), Budget(tolerance=0.0, iterations=60), chosen)
+        assert_same(seen, expected, 1e-12, 10)
 
 
 @pytest.mark.parametrize(("matrix", "least"), [((1.0, 0.3, 1.0), 20), ((0.05, 0.2, 0.05), 80)])
