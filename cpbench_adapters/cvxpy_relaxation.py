@@ -37,9 +37,18 @@ from cpbench.solvers.base import (
     register,
 )
 from cpbench.solvers.stopping import Stopping, no_looser
-from cpbench_adapters.cvxpy_claims import CLAIMS
 from cpbench_adapters.qp_stopping import TESTS
 
+CLAIMS = {
+    "optimal": Claim.SOLVED,
+    "optimal_inaccurate": Claim.INACCURATE,
+    "infeasible": Claim.INFEASIBLE,
+    "infeasible_inaccurate": Claim.INFEASIBLE,
+    "unbounded": Claim.UNBOUNDED,
+    "unbounded_inaccurate": Claim.UNBOUNDED,
+    "user_limit": Claim.MAX_ITER,
+}
+"""CVXPY's words for how a solve ended."""
 SYMMETRY_LIMIT = 1e-8
 """Asymmetry up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
 INDEFINITE = 2e-7

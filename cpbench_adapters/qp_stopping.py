@@ -36,7 +36,6 @@ TESTS: Mapping[str, Stopping] = {
     "daqp": _of(_ACTIVE_SET, ABSOLUTE, primal_tol=1e-6, dual_tol=1e-12),
     "gurobi": _of("feasibility, absolute; gap", ABSOLUTE, FeasibilityTol=1e-6, OptimalityTol=1e-6, BarConvTol=1e-8),
     "highs": _of("feasibility, absolute", ABSOLUTE, primal_feasibility_tolerance=1e-7, dual_feasibility_tolerance=1e-7),
-    "kvxopt": _of("2-norms of residuals over max(1, norms of data), gap", ABSOLUTE, **_CVXOPT),
     "mosek": _of(
         "residuals over the data, gap",
         NORMS,
@@ -71,7 +70,6 @@ TESTS: Mapping[str, Stopping] = {
         eps_prim_inf=1e-5,
         eps_dual_inf=1e-5,
     ),
-    "qpax": _of("residuals and products in the ∞-norm, absolute", ABSOLUTE, tolerance=1e-5),
     "qtqp": _of("2-norms of residuals over max(1, norms of data and iterates), gap", ABSOLUTE, **_EIGHT, **_PROOFS),
     "quadprog": dataclasses.replace(_of("exact active set: no tolerance", ZEROS), factor=math.inf),
     "scs": _of(

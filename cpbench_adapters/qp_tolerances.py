@@ -197,11 +197,6 @@ def _mosek(budget: Budget) -> Settings:
     )
 
 
-def _qpax(budget: Budget) -> Settings:
-    """Return absolute residuals and products sz in the ∞-norm: a tenth of ε. No time limit, no proofs."""
-    return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 100)
-
-
 def _qpoases(budget: Budget) -> Settings:
     """Return exact active set: the end of its homotopy, by default at 5e6·eps = 1.1e-9 (relative), follows ε only
     below. `CPUtime` bounds CPU, not wall, seconds."""
@@ -221,14 +216,12 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "daqp": _daqp,
     "gurobi": _gurobi,
     "highs": _highs,
-    "kvxopt": _cvxopt,  # a fork
     "mosek": _mosek,
     "osqp": _osqp,
     "piqp": _piqp,
     "proxqp": _proxqp,
     "pyqpmad": _pyqpmad,
     "qpalm": _qpalm,
-    "qpax": _qpax,
     "qtqp": _qtqp,
     "quadprog": _quadprog,
     "scs": _scs,

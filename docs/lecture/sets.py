@@ -49,7 +49,7 @@ def curved() -> tuple[Block, ...]:
                 *trips("cubic-cone-inequality", "vi-cp"),
             ]
         ),
-        by_solvers("disk", "newton-vi", "projection-vi", "extragradient-vi", "solodov-svaiter"),
+        by_solvers("disk", "newton-vi", "projection-vi", "extragradient-vi"),
         Try(("cpbench solve problems.h5::disk --solver extragradient-vi",)),
     )
 

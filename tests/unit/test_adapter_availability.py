@@ -15,25 +15,22 @@ from cpbench.solvers import solvers
 from cpbench.solvers.base import probe
 from cpbench_adapters.qp_tolerances import TABLE
 
-ADAPTERS = sorted([*TABLE, "cvxpy-qp", "cvxpy-relaxation"])
+ADAPTERS = sorted([*TABLE, "cvxpy-relaxation"])
 LICENCES = {
     "casadi-qpoases": "LGPL-2.1-or-later",
     "clarabel": "Apache-2.0",
     "copt": "proprietary",
     "cvxopt": "GPL-3.0-or-later",
-    "cvxpy-qp": "Apache-2.0",
     "cvxpy-relaxation": "Apache-2.0",
     "daqp": "MIT",
     "gurobi": "proprietary",
     "highs": "MIT",
-    "kvxopt": "GPL-3.0-or-later",
     "mosek": "proprietary",
     "osqp": "Apache-2.0",
     "piqp": "BSD-2-Clause",
     "proxqp": "BSD-2-Clause",
     "pyqpmad": "BSD-3-Clause",
     "qpalm": "LGPL-3.0-or-later",
-    "qpax": "Apache-2.0",
     "qtqp": "Apache-2.0",
     "quadprog": "GPL-2.0-or-later",
     "scs": "MIT",

@@ -21,7 +21,6 @@ from cpbench.errors import Unavailable
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.solvers import Budget, Claim, SolverOutput, Trait, solvers
 from cpbench.verification import Status, judge, no_answer, status
-from cpbench_adapters.cvxpy_qp import CvxpyQPOptions
 from cpbench_adapters.qp_backend import DENSE_LIMIT
 from cpbench_adapters.qp_standard_form import standard_form
 from cpbench_adapters.qp_tolerances import TABLE, translate
@@ -96,11 +95,7 @@ def lcp_as_qp(seed: int, n: int = 60, rank: int = 20) -> QP:
     return QP.build(Q=M, p=w - M @ z, lb=np.zeros(n))
 
 
-COMPILED = ("qpax",)
-"""Backends that compile for a second or more for each shape of a problem: their solves are for the night."""
-
-
-@pytest.fixture(params=[pytest.param(n, marks=pytest.mark.nightly if n in COMPILED else ()) for n in BACKENDS])
+@pytest.fixture(params=BACKENDS)
 def backend(request: pytest.FixtureRequest) -> Any:
     solver = solvers.get(request.param)
     available = solver.availability()
@@ -253,17 +248,6 @@ def test_a_licence_that_does_not_do_says_so(name: str) -> None:
         pytest.skip("does not apply: a licence without limits")
     assert refusal.state == "licence"
     assert "\n" not in refusal.detail
-
-
-@pytest.mark.parametrize("chosen", ["clarabel", "osqp", "piqp", "scs"])
-def test_cvxpy_hands_the_program_and_the_tolerance_on(chosen: str) -> None:
-    solver = solvers.get("cvxpy-qp")
-    for name in ("mixed", "sparse", "unconstrained", "fixed", "lp"):
-        problem, _ = CASES[name]
-        output = solver.run(problem, Budget(tolerance=1e-6), CvxpyQPOptions(chosen))
-        assert output.claim is Claim.SOLVED
-        assert judge(problem, output.point, 1e-6).solved, name
-    assert solver.run(INFEASIBLE["rows"], Budget(), CvxpyQPOptions(chosen)).claim in (Claim.INFEASIBLE, *HONEST)
 
 
 # --------------------------------------------------------------------------------------- obstacles
