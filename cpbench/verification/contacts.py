@@ -10,6 +10,9 @@ takes energy and normal reactions do no work but that of q, so that no true velo
 metric of W. What an answer adds, in reactions that cancel, buys nothing. Where the rounding of the terms of u is more
 than the tolerance leaves of q, the answer is `unresolvable`.
 
+A contact counts by a tenth of its own terms, too: by q or by what its reaction alone changes, r/ρ. Its free velocity
+alone would say too much: that of a contact which bears others may be any small number.
+
 The same is measured of every formulation: u as the answer has it, and as an error of u what the equations of motion and
 of joints leave. So a scene has one verdict, whichever way it is written.
 """
@@ -25,9 +28,9 @@ from cpbench.verification.projections import row_norms
 from cpbench.verification.rows import FAR_BELOW, AnswerError, Groups
 
 OWN = 0.1
-"""Share by which a contact is compared with its own free velocity: it misses the law by at most 10 ε of that."""
+"""Share by which a contact is compared with its own terms: it misses the law by at most 10 ε of them."""
 SMALL = 1e-4
-"""Share of the largest free velocity of the part below which that of a contact says nothing."""
+"""Share of the largest free velocity of the part below which the terms of a contact say nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ def contact_error(at: ContactAnswer, problem: Groups | None = None) -> AnswerErr
     for miss, some in missed:
         noise = row_norms(at.noise[:, some])
         miss = miss + row_norms(at.off[:, some]) if isinstance(at.off, np.ndarray) else miss
-        own = row_norms(at.q[:, some])
+        own = np.maximum(row_norms(at.q[:, some]), row_norms(speed[:, some]))
         by_own = OWN * np.divide(np.maximum(miss - noise, 0.0), own, out=np.zeros_like(own), where=own * unit > SMALL)
         error, floor = np.maximum(error, np.maximum(miss * unit, by_own)), np.maximum(floor, noise * unit)
     if at.others is not None:

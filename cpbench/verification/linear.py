@@ -182,9 +182,10 @@ def gap_error(system: System, layout: Layout, sizes: AnswerSizes) -> tuple[Vecto
     by_prices = sizes.cheapest * np.minimum(sizes.reach, of.largest(np.where(z, sizes.x / layout.C, 0.0)))
     made = np.where(sizes.prices > 0, by_prices, by_square)
     share = np.divide(np.where(sizes.prices > 0, size, gap), made, out=np.ones_like(gap), where=size < made)
+    rounding = ROUNDINGS * EPS * of.sum(weight * system.sizes * (sizes.sums + frame.constants))
+    square = np.maximum(square - rounding, 0.0)  # the root of rounding would be 1e-8
     of_square = np.divide(square, by_square, out=(by_square > 0).astype(float), where=square < by_square)
     error = np.minimum(error, np.maximum(share, np.sqrt(of_square)))
-    rounding = ROUNDINGS * EPS * of.sum(weight * system.sizes * (sizes.sums + frame.constants))
     most = np.maximum(objective, np.maximum(made, by_square))
     floor = np.divide(rounding, most, out=np.zeros_like(gap), where=most > 0)
     return np.where(sizes.absolute, gap, error), floor

@@ -192,25 +192,25 @@ def _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size):
     return worst
 
 
-@njit(float64(LINEAR, DATA, DATA, DATA, DATA, _KNOWN, _SIZE), **COMPILED)
-def _gap(problem, x, f, x_unit, f_unit, known, size):
+@njit(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE), **COMPILED)
+def _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size):
     """Return the largest gap of a group over its objective."""
     c, low, high, group, z, D, C = problem[4:11]
-    count = known.shape[1]
-    gap, quadratic, straight, sizes = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
-    worst = 0.0
+    sums_of, count, worst = np.zeros((5, known.shape[1])), known.shape[1], 0.0
+    gap, quadratic, straight, most, terms = sums_of[0], sums_of[1], sums_of[2], sums_of[3], sums_of[4]
     for i in range(x.size):
         g = group[i]
         weight = 1.0 if known[ABSOLUTE, g] else 0.0 if known[AIMLESS, g] else D[i] / C[i]
         far = 1.0 / x_unit[i] if x_unit[i] > 0.0 else 0.0
         if z[i]:
             far = max(far, C[i] * size[REACH, g])  # an answer of 0 is not near its bounds
-            sizes[g] = max(sizes[g], 1.0 / (x_unit[i] * C[i]) if x_unit[i] > 0.0 else 0.0)
+            most[g] = max(most[g], 1.0 / (x_unit[i] * C[i]) if x_unit[i] > 0.0 else 0.0)
         bound = low[i] if f[i] > 0.0 else high[i]
         room = abs(x[i] - bound) if abs(bound) < np.inf else abs(x[i])
         gap[g] += weight * abs(f[i]) * (room if known[ABSOLUTE, g] else min(room, far))
         linear = weight * x[i] * c[i]
         quadratic[g] += weight * x[i] * f[i] - linear
+        terms[g] += weight * sizes[i] * (sums[i] + abs(c[i]))
         if not known[CONSTRAINED, g]:  # products of rows and constants have the same unknowns, whatever cancels
             straight[g] += abs(linear)
         elif z[i]:
@@ -224,8 +224,9 @@ def _gap(problem, x, f, x_unit, f_unit, known, size):
         by_square = reach * reach if known[CURVED, g] else 0.0
         made, compared = by_square, gap[g]
         if size[PRICES, g] > 0.0:
-            made, compared = size[CHEAPEST, g] * min(reach, sizes[g]), whole
+            made, compared = size[CHEAPEST, g] * min(reach, most[g]), whole
         share = compared / made if compared < made else 1.0
+        square = max(square - NOISE * terms[g], 0.0)  # the root of rounding would be 1e-8
         of_square = square / by_square if square < by_square else (1.0 if by_square > 0.0 else 0.0)
         error = min(error, max(share, np.sqrt(of_square)))
         worst = max(worst, gap[g] if known[ABSOLUTE, g] else error)
@@ -255,7 +256,7 @@ def largest_error(problem, answer, nu):
     _sizes(problem, sizes, sums, needed, known, size)
     _units(problem, known, size, x_unit, f_unit)
     error = _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size)
-    return max(error, _gap(problem, x, f, x_unit, f_unit, known, size))
+    return max(error, _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size))
 
 
 @njit(boolean(float64, float64, float64, float64, float64), **COMPILED)

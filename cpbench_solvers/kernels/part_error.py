@@ -2,8 +2,8 @@
 
 Signorini's and Coulomb's laws are equations (Alart and Curnier 1991), min(r_N/ρ, u_N) = 0 and r_T/ρ = P(r_T/ρ − u_T), P
 the projection on the ball of radius μ r_N/ρ. What reactions leave of them are velocities, compared with the largest
-free velocity of the part, and each with a tenth of the contact's own from `SMALL` of that on. Nothing is compared with
-the reactions: norms that have these in their scale pass where reactions cancel.
+free velocity of the part, and each with a tenth of the contact's own, q or r/ρ, from `SMALL` of that on. No more is
+compared with the reactions: norms that have these in their scale pass where reactions cancel.
 """
 
 import numpy as np
@@ -57,14 +57,14 @@ def _error(u, off, r, q, rho, mu, mu_r, size):
     d, radius = u.size, max(r[0], 0.0) / rho
     last = d if mu_r < 0.0 else 1 + (d - 1) // 2  # moments come after the friction
     worst = 0.0
-    missed, own, away = abs(min(r[0] / rho, u[0])), abs(q[0]), abs(off[0])
+    missed, own, away = abs(min(r[0] / rho, u[0])), max(abs(q[0]), abs(r[0]) / rho), abs(off[0])
     for kind in range(2 if mu_r < 0.0 else 3):
         if kind == 1:
-            missed, own = _slip(r[1:last], u[1:last], rho, mu * radius), np.sqrt(square(q[1:last]))
-            away = np.sqrt(square(off[1:last]))
+            missed, away = _slip(r[1:last], u[1:last], rho, mu * radius), np.sqrt(square(off[1:last]))
+            own = max(np.sqrt(square(q[1:last])), np.sqrt(square(r[1:last])) / rho)
         elif kind == 2:
-            missed, own = _slip(r[last:], u[last:], rho, mu_r * radius), np.sqrt(square(q[last:]))
-            away = np.sqrt(square(off[last:]))
+            missed, away = _slip(r[last:], u[last:], rho, mu_r * radius), np.sqrt(square(off[last:]))
+            own = max(np.sqrt(square(q[last:])), np.sqrt(square(r[last:])) / rho)
         missed += away
         error = missed / size
         if own > SMALL * size:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench.formulations import QP, QPPoint
+from cpbench.formulations import LCP, QP, LCPPoint, QPPoint
 from cpbench.verification import judge
 
 
@@ -36,6 +36,15 @@ def test_an_objective_of_0_says_nothing_of_a_program_that_is_not_convex() -> Non
     problem = QP.build(np.diag([1.0, -1.0]), np.zeros(2), lb=np.zeros(2), ub=np.full(2, 2.0))
     point = QPPoint(z=np.ones(2), lam=none, mu=none, nu=np.array([1.0, -1.0]))
     assert judge(problem, point, 1e-6).error > 0.1
+
+
+def test_rounding_of_an_objective_near_0_is_none(rng: np.random.Generator) -> None:
+    """Mz = 0 but for rounding, and only z = 0 has a price: the root of rounding is 1e-8."""
+    z, M = rng.uniform(0.5, 2.0, 12), rng.standard_normal((12, 12))
+    M -= np.outer(M @ z, z) / (z @ z)
+    problem = LCP(M=np.block([[M, np.zeros((12, 1))], [np.full((1, 12), 0.2), 0.0]]), q=12 * [0.0] + [1.0])
+    assert judge(problem, LCPPoint(z=np.append(z, 0.0)), 1e-8).error < 1e-12
+    assert not judge(problem, LCPPoint(z=np.append(1.001 * z[:1], np.append(z[1:], 0.0))), 1e-8).solved
 
 
 @pytest.mark.parametrize("price", [0.0, -1.0])

@@ -40,6 +40,14 @@ def _two_contacts(share: float, missed: float, *, joined: bool) -> float:
     return judge(problem, FCPoint(r=r - missed * share * np.eye(4)[2]), 1e-6).error
 
 
+def test_a_contact_that_bears_others_counts_by_its_reaction() -> None:
+    """Its free velocity is 1e-3, for the other one presses it: of r/ρ = 0.5 it misses 2e-5, of the largest 1.3e-5."""
+    W, r = np.kron(np.array([[1.0, -0.5], [-0.5, 1.0]]), np.eye(2)), np.array([1.0, 0.0, 0.501, 0.0])
+    problem = FrictionContact(W=W, q=-W @ r, mu=np.ones(2), dimension=2)
+    assert abs(problem.q[2]) < 2e-3
+    assert judge(problem, FCPoint(r=r + 1e-5 * np.eye(4)[2]), 1e-6).error < 2e-5
+
+
 def test_a_contact_counts_by_a_tenth_of_its_own_free_velocity() -> None:
     """A free velocity of 1e-3 is missed by 1e-4 of it: a tenth of that is 1e-5, and the share of the largest 1e-7."""
     assert 7e-6 < _two_contacts(1e-3, 1e-4, joined=True) < 1.4e-5
