@@ -16,17 +16,16 @@ from tiers import some_by_day
 from cpbench import solve as solve_one
 from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName
-from cpbench.formulations import AVI, LCP, AVIPoint, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations import AVI, LCP, MiCP, MiCPPoint, NCPPoint
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.ncp_functions import fischer_burmeister, minimum, penalized, smoothed
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.generators.base import generators
-from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.verification import judge
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
-from cpbench_solvers.lcp.box_linear import BoxLinear
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
 from cpbench_solvers.nonlinear.reformulation import Reformulation
 
@@ -229,8 +228,8 @@ def test_a_small_force_far_away_is_measured() -> None:
 # --------------------------------------------------------------------------------- linear problems and paths
 
 
-def linear(rng: np.random.Generator, n: int, *, sparse: bool = False) -> BoxLinear:
-    """A strongly monotone one with bounds of every kind."""
+def linear(rng: np.random.Generator, n: int, *, sparse: bool = False) -> tuple[AVI, np.ndarray]:
+    """A strongly monotone one with bounds of every kind, and a point within them."""
     A, B = rng.standard_normal((2, n, n)) / math.sqrt(n)
     M: Any = A @ A.T + B - B.T + 0.2 * np.eye(n)
     kind = np.arange(n) % 5
@@ -238,51 +237,21 @@ def linear(rng: np.random.Generator, n: int, *, sparse: bool = False) -> BoxLine
     ub = np.where((kind == 0) | (kind == 1), np.inf, rng.random(n))
     ub[kind == 4] = lb[kind == 4]
     q = 3.0 * rng.standard_normal(n)
-    return BoxLinear(sp.csr_array(M) if sparse else M, q, lb, ub, project_box(rng.standard_normal(n), lb, ub))
+    box = AVI(M=sp.csr_array(M) if sparse else M, q=q, lb=lb, ub=ub)
+    return box, project_box(rng.standard_normal(n), lb, ub)
 
 
-def defect(box: BoxLinear, z: Any) -> float:
+def defect(box: AVI, z: Any) -> float:
     return float(np.linalg.norm(box_defect(z, box.M @ z + box.q, box.lb, box.ub)))
-
-
-class AVIByPath(Solver):
-    """A solver of the node avi for boxes: the path of its normal map."""
-
-    spec = SolverSpec(name="avi-by-path", node="avi", summary="path of the normal map", method="pivoting")
-
-    def solve(self, prepared: AVI, budget: Budget, options: Any, start: Any = None, record: Any = None) -> SolverOutput:
-        z, lb, ub = start.z, prepared.lb, prepared.ub
-        F = prepared.M @ z + prepared.q
-        found = NormalPath(prepared.M, F, normal_point(z, F, lb, ub), lb, ub).trace(1.0, 1000, math.inf)
-        assert found is not None
-        return SolverOutput(claim=Claim.SOLVED, point=AVIPoint(project_box(found.x, lb, ub)))
-
-
-@pytest.mark.parametrize("inner", ["lemke", "newton-min", "bpp", "newton-fb-mlcp", "avi-by-path"])
-@pytest.mark.parametrize("sparse", [False, True])
-def test_linear_problems_by_solvers_of_each_node(inner: str, sparse: bool, rng: np.random.Generator) -> None:
-    solver = AVIByPath() if inner == "avi-by-path" else solvers.get(inner)
-    for n in (1, 5, 23):
-        box = linear(rng, n, sparse=sparse)
-        z = box.solve(solver, Budget(tolerance=1e-12))
-        assert z is not None
-        assert defect(box, z) <= 1e-10
-
-
-def test_a_singular_free_block_has_no_lcp(rng: np.random.Generator) -> None:
-    box = linear(rng, 10)
-    M = np.array(box.M)
-    M[[0, 5]] = 0.0
-    singular = BoxLinear(M, box.q, box.lb, box.ub, box.present)
-    assert singular.solve(solvers.get("lemke"), Budget()) is None
 
 
 @pytest.mark.parametrize("sparse", [False, True])
 def test_paths_end_at_the_zero_of_the_normal_map(sparse: bool, rng: np.random.Generator) -> None:
     for n in (1, 6, 40):
-        box = linear(rng, n, sparse=sparse)
-        F = box.M @ box.present + box.q
-        path = NormalPath(box.M, F, normal_point(box.present, F, box.lb, box.ub), box.lb, box.ub)
+        box, present = linear(rng, n, sparse=sparse)
+        F = box.M @ present + box.q
+        start = normal_point(present, F, box.lb, box.ub)
+        path = NormalPath(box.M, F, start, box.lb, box.ub)
         whole, half = path.trace(1.0, 1000, math.inf), path.trace(0.5, 1000, math.inf)
         assert whole is not None
         assert half is not None
@@ -290,8 +259,7 @@ def test_paths_end_at_the_zero_of_the_normal_map(sparse: bool, rng: np.random.Ge
         assert defect(box, project_box(whole.x, box.lb, box.ub)) <= 1e-11
         # half of the residual is left at t = 1/2, in the normal map
         z = project_box(half.x, box.lb, box.ub)
-        first = F + normal_point(box.present, F, box.lb, box.ub) - box.present
-        np.testing.assert_allclose(box.M @ z + box.q + half.x - z, 0.5 * first, atol=1e-11)
+        np.testing.assert_allclose(box.M @ z + box.q + half.x - z, 0.5 * (F + start - present), atol=1e-11)
 
 
 def test_a_path_without_bounds_is_newtons_step(rng: np.random.Generator) -> None:
@@ -302,7 +270,7 @@ def test_a_path_without_bounds_is_newtons_step(rng: np.random.Generator) -> None
     np.testing.assert_allclose(found.x, x - solve(M, F), atol=1e-12)
 
 
-@pytest.mark.parametrize("inner", ["lemke", "bpp", "newton-fb-mlcp", "bpp+newton-min"])
+@pytest.mark.parametrize("inner", ["lemke-avi", "auto-avi"])
 def test_josephy_newton_with_any_solver_inside(inner: str) -> None:
     micp = problem("nash-cournot", "nash-cournot-10")
     output = run("josephy-newton", micp, inner=inner, tolerance=1e-9)
