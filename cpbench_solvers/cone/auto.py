@@ -12,8 +12,8 @@ from cpbench_solvers.automatic import AutomaticChoice, automatic_spec
 class AutoConeQP(AutomaticChoice):
     """The interior point, which is done after a few factorizations; ADMM, which needs one, where it has stopped."""
 
-    spec: ClassVar[SolverSpec] = automatic_spec("coneqp", "auto-coneqp", "interior point, then ADMM, then gradients")
-    members: ClassVar[tuple[str, ...]] = ("interior-point-coneqp", "admm-coneqp", "apgd")
+    spec: ClassVar[SolverSpec] = automatic_spec("coneqp", "auto-coneqp", "interior point, then ADMM")
+    members: ClassVar[tuple[str, ...]] = ("interior-point-coneqp", "admm-coneqp")
 
 
 @register

@@ -2,7 +2,7 @@
 
 Of the second-order cone program min ½rᵀWr + (q + s e_N)ᵀr over the friction cones a few iterations are made (Nesterov's
 method with adaptive step and restart, see the kernel), then s = μ‖u_T‖ is set anew and the momentum is kept. With
-s = 0 this is the convex relaxation of Mazhar et al. (`apgd` on node coneqp); where s settles, r solves the whole law.
+s = 0 this is the convex relaxation of Mazhar et al.; where s settles, r solves the whole law.
 """
 
 from __future__ import annotations

@@ -90,8 +90,8 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
 def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, state, iterations):
     """Make `iterations` of Nesterov's method from (x, z), moving all vectors; return the products with W.
 
-    As `native.cone.apgd`: the step is halved until the quadratic bound holds and grows a little in every
-    iteration, the momentum is dropped where it points uphill.
+    The step is halved until the quadratic bound holds and grows a little in every iteration, the momentum is dropped
+    where it points uphill.
     """
     new, Wnew, gradient = np.empty(x.size), np.empty(x.size), np.empty(x.size)
     products = 0

@@ -29,10 +29,10 @@ class AutoMiCP(AutomaticChoice):
 
 @register
 class AutoVI(AutomaticChoice):
-    """Newton's method; then methods that need monotonicity, or less than that, and no derivative."""
+    """Newton's method; then extragradients, which need monotonicity and no derivative."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("vi", "auto-vi", "Newton's method, then projections")
-    members: ClassVar[tuple[str, ...]] = ("newton-vi", "extragradient-vi", "solodov-svaiter")
+    members: ClassVar[tuple[str, ...]] = ("newton-vi", "extragradient-vi")
 
 
 @register

@@ -201,7 +201,7 @@ def magnitude(rng: Random) -> Iterator[Plant]:
 def large_nonmonotone(rng: Random) -> Iterator[Plant]:
     """Negative eigenvalues, which harm; and a magnitude, which does not."""
     for plant in nonmonotone(rng):
-        ours = plant.bad.solver in ("pgs", "mprgp", "cottle-dantzig")
+        ours = plant.bad.solver in ("pgs", "mprgp")
         if ours and not attempt(plant.bad).solved:  # it fails at size one as well
             far = float(10.0 ** rng.uniform(5.0, 7.0))
             bad, twin = (
@@ -335,7 +335,7 @@ def nonmonotone(rng: Random) -> Iterator[Plant]:
 
 NONMONOTONE = [
     "interior-point-lcp", "pgs", "mprgp", "casadi-ipopt", "projection-vi",
-    "extragradient-avi", "cottle-dantzig",
+    "extragradient-avi",
 ]  # fmt: skip
 
 
@@ -413,7 +413,7 @@ def start(rng: Random) -> Iterator[Plant]:
     yield from each("start", problem(0.0), problem(0.5), START)
 
 
-START = ["projection-vi", "extragradient-vi", "solodov-svaiter"]
+START = ["projection-vi", "extragradient-vi"]
 
 
 def cone(rng: Random) -> Iterator[Plant]:

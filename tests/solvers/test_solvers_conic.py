@@ -140,33 +140,6 @@ def test_clarabel_tells_infeasible_and_unbounded() -> None:
     assert "eigenvalue -1.0e+00" in str(solver.obstacle(indefinite))
 
 
-def test_apgd_finds_the_minimum_of_clarabel() -> None:
-    """Unique where Q is definite; where it is singular the objectives agree."""
-    for seed in range(6):
-        kind = ("positive definite", "singular semidefinite")[seed % 2]
-        problem, _ = planted_conic.plain_coneqp(np.random.default_rng(seed), None, kind)
-        one = solvers.get("apgd").run(problem, Budget(tolerance=1e-8))
-        other = solvers.get("clarabel-coneqp").run(problem, Budget(tolerance=1e-8))
-        assert one.claim is Claim.SOLVED, f"{seed}: {one.message}"
-        scale = abs(problem.objective(other.point.x))
-        assert abs(problem.objective(one.point.x) - problem.objective(other.point.x)) <= 1e-7 * (1 + scale)
-
-
-def test_apgd_scales_disks_with_their_unknowns() -> None:
-    """ℝ₊ × disk is not a cone: its radius has the units of x. min ½dᵀx² − … has its solution by components."""
-    K = ProductCone.of((Cone.CYLINDER, 2, 3, np.array([0.5, 2.0])))
-    weight = np.repeat([1e6, 1e-4], 3)
-    c = np.array([1.0, 3.0, 4.0, -1.0, 0.3, 0.4])
-    problem = ConeQP.over(np.diag(weight), -weight * c, K)
-    output = solvers.get("apgd").run(problem, TIGHT)
-    np.testing.assert_allclose(output.point.x, [1.0, 0.3, 0.4, 0.0, 0.3, 0.4], atol=1e-9)
-
-
-def test_apgd_refuses_rows() -> None:
-    problem, _ = planted_conic.coneqp(np.random.default_rng(0), 6)
-    assert "A = I" in str(solvers.get("apgd").obstacle(problem))
-
-
 @pytest.mark.parametrize("name", ["newton-relay", "pgs-relay"])
 def test_relays_with_symmetric_matrix_are_bounded_least_squares(name: str, rng: np.random.Generator) -> None:
     """M = BᵀB, q = −Bᵀc: SciPy's lsq_linear minimises ‖Bz − c‖ over the box, which has one solution."""

@@ -33,7 +33,7 @@ UNKNOWNS = 1200
 """Problems with more unknowns and multipliers are left out."""
 SOLVERS: dict[str, tuple[str, ...]] = {
     "qp": ("clarabel", "piqp", "osqp", "scs", "highs", "proxqp", "auto-qp"),
-    "coneqp": ("clarabel-coneqp", "scs-coneqp", "interior-point-coneqp", "admm-coneqp", "apgd"),
+    "coneqp": ("clarabel-coneqp", "scs-coneqp", "interior-point-coneqp", "admm-coneqp"),
     "lcp": ("auto-lcp", "lemke", "pgs", "newton-min", "interior-point-lcp", "mprgp", "casadi-ipopt"),
     "mlcp": ("auto-mlcp", "lemke-mlcp", "pgs-mlcp", "newton-fb-mlcp", "interior-point-mlcp", "casadi-ipopt-mlcp"),
     "relay": ("auto-relay", "lemke-relay", "pgs-relay", "newton-relay", "extragradient-relay"),

@@ -319,7 +319,7 @@ def _easy(rng: np.random.Generator, node: str) -> Any:
 
 
 @pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "apgd", "newton-soclcp"])
+@pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "admm-coneqp", "newton-soclcp"])
 def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.Generator, solver: str) -> None:
     """Runs at three tolerances, against the history of one run.
 

@@ -289,8 +289,8 @@ def test_commands_name_the_route() -> None:
     assert command("lemke@outer8-mlcp", "outer8-mlcp") == (
         "cpbench solve p.h5 -s lemke --via fc-mlcp-outer --facets 8 --tolerance 1e-08"
     )
-    assert command("apgd@fc-coneqp-compliant[compliance=0.001]", "fc-coneqp-compliant[compliance=0.001]") == (
-        "cpbench solve p.h5 -s apgd --via 'fc-coneqp-compliant[compliance=0.001]' --tolerance 1e-08"
+    assert command("admm-coneqp@fc-coneqp-compliant[compliance=0.001]", "fc-coneqp-compliant[compliance=0.001]") == (
+        "cpbench solve p.h5 -s admm-coneqp --via 'fc-coneqp-compliant[compliance=0.001]' --tolerance 1e-08"
     )
     assert command("lemke@fc-lcp-inner[facets=16]", "fc-lcp-inner[facets=16]") == (
         "cpbench solve p.h5 -s lemke --via fc-lcp-inner --facets 16 --tolerance 1e-08"

@@ -22,7 +22,7 @@ HOMES = {
     "mlcp": (("lcp", "lemke"),),
     "avi": (("lcp", "lemke"),),
     "relay": (("lcp", "lemke"),),
-    "coneqp": (("soclcp", "newton-soclcp"), ("coneqp", "apgd")),
+    "coneqp": (("soclcp", "newton-soclcp"), ("coneqp", "interior-point-coneqp")),
     "soclcp": (("soclcp", "newton-soclcp"),),
     "fc": (("fc", "nsgs"),),
     "afc": (("fc", "nsgs"),),
