@@ -20,7 +20,7 @@ import numpy as np
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
-from cpbench_solvers.contact.frozen_law import Frozen
+from cpbench_solvers.contact.frozen_law import FrozenProblem
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
@@ -50,7 +50,7 @@ class _FixedPoint(ContactMethod):
 
     def __init__(self, contacts: ScaledContacts, options: FrozenLawOptions, start: Vector, budget: Budget) -> None:
         self._s, self._options, self._wanted = contacts.s, options, budget.tolerance
-        self._frozen = Frozen(contacts, start / contacts.s, momentum=options.momentum)
+        self._frozen = FrozenProblem(contacts, start / contacts.s, momentum=options.momentum)
         self._zero = np.zeros(contacts.rows.problem.nc)
         self._held, self._omega = self._measured(), options.relaxation
         self._least, self._idle, self._finer = np.inf, 0, 1.0

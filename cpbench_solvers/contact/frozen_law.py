@@ -23,7 +23,7 @@ ROUNDING = 1e-15
 """A gap below which no iteration means anything."""
 
 
-class Frozen:
+class FrozenProblem:
     """min ½xᵀWx + pᵀx over sets that follow x only when told so. `x` is moved in place.
 
     Attributes

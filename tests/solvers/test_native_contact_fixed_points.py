@@ -16,7 +16,7 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
 from cpbench.testing import planted
 from cpbench.verification import judge
-from cpbench_solvers.contact.frozen_law import Frozen, block_csr
+from cpbench_solvers.contact.frozen_law import FrozenProblem, block_csr
 from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench_solvers.contact.sweeps import scaled_contacts
 
@@ -75,7 +75,7 @@ def test_frozen_problems_are_solved(rng: np.random.Generator, dimension: int, ki
     """The natural map of the convex problem vanishes, evaluated with the projections of `cones`."""
     problem, x, radius = data(rng, dimension)
     contacts = scaled_contacts(problem)
-    frozen = Frozen(contacts, x, momentum=momentum)
+    frozen = FrozenProblem(contacts, x, momentum=momentum)
     shift = rng.uniform(0.0, 1.0, 12)
     kernel = kernel_cache.load("cpbench_solvers.kernels.frozen_contact")
     frozen.minimize(getattr(kernel, kind), shift, radius, 1e-12, 20_000, np.inf)
