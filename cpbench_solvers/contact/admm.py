@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from cpbench.errors import NotApplicable
-from cpbench.formulations.fc import FrictionContact
-from cpbench.foundation.definite import By, Factors, definite_factors
-from cpbench.foundation.matrices import Matrix, Vector, is_symmetric
+from cpbench.foundation.definite import factor_on_diagonal
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.cone.law_admm import LONGER, RHO
 from cpbench_solvers.cone.penalty import TINY, StepPenalty
@@ -25,13 +24,12 @@ from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 @dataclass(frozen=True)
 class ADMMContactOptions(MethodOptions):
     """Options of admm-fc. `rho` : the first penalty, in units where every W_cc has mean diagonal 1. `alpha` :
-    over-relaxation. `balance` : adapt ρ to the residuals. `factors` : of sparse W + ρI; CHOLMOD and QDLDL take W for
-    symmetric. `stall_window` : iterations without gain after which it gives up."""
+    over-relaxation. `balance` : adapt ρ to the residuals. `stall_window` : iterations without gain after which it gives
+    up."""
 
     rho: float = 0.1
     alpha: float = 1.0
     balance: bool = True
-    factors: Literal["superlu", "cholmod", "qdldl"] = "superlu"
     max_iterations: int = 20_000
 
 
@@ -65,14 +63,14 @@ class ContactSplitting(ContactMethod):
 
     @property
     def entries(self) -> int:
-        """Number of entries of the factors; 0 before the first step, after a change of ρ, and where it is not known."""
-        return 0 if self._factors is None else self._factors.entries or 0
+        """Number of entries of the factors; 0 before the first step and after a change of ρ."""
+        return 0 if self._factors is None else self._factors.entries
 
     def step(self, many: int = 1, error: float = math.inf, seconds: float = math.inf) -> str | None:
         """Make one iteration."""
         rho = self._penalty.rho
         if self._factors is None:
-            self._factors = _factors(self._contacts.W, rho, self._options.factors)
+            self._factors = _factors(self._contacts.W, rho)
             self.counters["factorizations"] += 1
             if self._factors is None:
                 return f"W + ρI is singular for ρ = {rho:.1e}"
@@ -91,10 +89,19 @@ class ContactSplitting(ContactMethod):
         return None
 
 
-def _factors(W: Matrix, rho: float, by: By) -> Factors | None:
+@dataclass(frozen=True)
+class Factors:
+    """Factors of a matrix A: a function from b (n,) to A⁻¹b (n,), and the number of their entries."""
+
+    solve: Callable[[Vector], Vector]
+    entries: int
+
+
+def _factors(W: Matrix, rho: float) -> Factors | None:
     """Return factors of W + ρI; None where it is exactly singular, which no monotone W is."""
     if sp.issparse(W):
-        return definite_factors(W + rho * sp.eye_array(W.shape[0], format="csr"), by)
+        lu = factor_on_diagonal(W + rho * sp.eye_array(W.shape[0], format="csr"))
+        return None if lu is None else Factors(lu.solve, int(lu.nnz))
     lu, pivots, info = cast(Any, lapack.dgetrf)(W + rho * np.eye(W.shape[0]), overwrite_a=True)
     return None if info > 0 else Factors(lambda b: cast(Any, lapack.dgetrs)(lu, pivots, b)[0], W.size)
 
@@ -115,8 +122,3 @@ class ADMMContact(ContactSolver):
         options=ADMMContactOptions,
     )
     method: ClassVar[Any] = ContactSplitting
-
-    def prepare(self, problem: FrictionContact, budget: Budget, options: ADMMContactOptions) -> ScaledContacts:
-        if options.factors != "superlu" and not is_symmetric(problem.W):
-            raise NotApplicable(self.spec.name, f"W is not symmetric, and {options.factors} reads a triangle of it")
-        return super().prepare(problem, budget, options)
