@@ -50,8 +50,8 @@ def trait_table(node: str) -> tuple[str, list[tuple[str, str, str]]]:
 def tables() -> tuple[NodeTable[Any], ...]:
     """Return the tables of cpbench, and those of installed packages (``cpbench.hooks``: `node_tables`)."""
     from cpbench.storage import formats
-    from cpbench.verification.merit_functions import BOUNDS
     from cpbench.verification.rows import ROWS, STACKED
+    from cpbench.verification.systems import BOUNDS
 
     others: tuple[NodeTable[Any], ...] = hook("node_tables")() if "node_tables" in added(HOOKS) else ()
     written = {one.table.trait: one.table for one in formats if one.table is not None}

@@ -18,10 +18,9 @@ import scipy.sparse as sp
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, transpose
 from cpbench.verification.linear import orientation
-from cpbench.verification.merit_functions import BOUNDS
 from cpbench.verification.rows import EPS, ROUNDINGS, ROWS, Frame, System, Terms, block_norms, kept
 from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
-from cpbench.verification.systems import stack
+from cpbench.verification.systems import BOUNDS
 from cpbench.verification.vanishing import caps
 
 Own: TypeAlias = tuple[Any, Any, list[ConeFactors]]
@@ -65,7 +64,7 @@ def coneqp(P: Any, point: Any) -> System:
         block = np.concatenate([np.arange(n), n + P.K.blocks])
         last = int(block[-1]) + 1 if block.size else 0
         return Frame(
-            terms=Terms.of_blocks(stack([[P.Q, transpose(P.A)], [P.A, None]]), block, block),
+            terms=Terms.of_blocks(sp.block_array([[P.Q, transpose(P.A)], [P.A, None]]), block, block),
             constants=_norms(np.concatenate([P.p, P.b]), block),
             sets=Sets.of((n, -np.inf, np.inf), (m, lb, ub), cones=cones),
             signed=np.concatenate([P.p, P.b]),
@@ -200,7 +199,7 @@ def _with_rows(
     whole = np.concatenate([block, first + np.arange(m)])
 
     def frame() -> Frame:
-        matrix = stack([[slope, A.T], [A, None]]) if m else slope
+        matrix = sp.block_array([[slope, A.T], [A, None]]) if m else slope
         multiplier, program = np.arange(first + m) >= first, np.full(first + m, prices is not None)
         if straight and first == n and not m:
             multiplier, program = orientation(slope)
@@ -217,7 +216,7 @@ def _with_rows(
             multiplier=multiplier,
             program=program,
             certifying=prices is not None,
-            by=None if by is None else stack([[by[0], by[1].T], [by[1], None]]) if m else by[0],
+            by=None if by is None else sp.block_array([[by[0], by[1].T], [by[1], None]]) if m else by[0],
             linear=straight or prices is not None,
             caps=found,
             moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),

@@ -16,15 +16,16 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from cpbench.foundation.matrices import Vector
 
 SWEEPS = 200
-STEPS = 100
-"""Limit of conjugate gradients."""
+STEPS = 400
+"""Limit of the iterations of LSMR."""
 ENOUGH = 1e-5
 """The mean of a row may be off by this much in the root mean square: sizes are compared, no digits."""
-GUESSED = 1e-3
+GUESSED = 1e-6
 """The first guess may be off by this much in logarithms, in the root mean square."""
 LARGEST = 80.0
 """Logarithms of entries that the first guess leaves are cut off here, so that sums of products are numbers."""
@@ -37,25 +38,24 @@ def equilibrate(K: Any) -> Vector:
 
 
 def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
-    """Return D and C of the rows and the columns of a matrix of nonnegative entries, an array or CSR, so that D_i A_ij
-    C_j are about 1; 1 for those that are empty."""
-    sparse = not isinstance(A, np.ndarray)
-    entries = A.data if sparse else A
+    """Return D and C of the rows and the columns of a matrix of nonnegative entries, so that D_i A_ij C_j are about 1;
+    1 for those that are empty."""
+    A = sp.csr_array(A)
 
     def at_places(values: Any) -> Any:
-        return sp.csr_array((values, A.indices, A.indptr), shape=A.shape) if sparse else values
+        return sp.csr_array((values, A.indices, A.indptr), shape=A.shape)
 
-    some = entries > 0
-    pattern, logs = at_places(some.astype(np.float64)), np.log(entries, out=np.zeros(entries.shape), where=some)
+    some = A.data > 0
+    pattern, logs = at_places(some.astype(np.float64)), np.log(A.data, out=np.zeros(A.nnz), where=some)
     counts, beside = pattern @ np.ones(A.shape[1]), pattern.T @ np.ones(A.shape[0])
-    D, C = _first_guess(at_places(logs), pattern, counts, beside)
+    D, C = _first_guess(A, logs, some, counts, beside)
 
     def by_entry(D: Vector, C: Vector) -> Any:
-        return np.repeat(D, np.diff(A.indptr)) + C[A.indices] if sparse else D[:, None] + C
+        return np.repeat(D, np.diff(A.indptr)) + C[A.indices]
 
     left = logs + by_entry(D, C)
     if (left * some > LARGEST).any():  # cut off, it would be another matrix: the largest of each row is 1
-        rows = np.asarray(abs(A).max(axis=1).todense()).ravel() if sparse else A.max(axis=1, initial=0.0)
+        rows = A.max(axis=1).toarray().ravel()
         D, C = -np.log(np.where(rows > 0, rows, 1.0)), np.zeros(A.shape[1])
         left = logs + by_entry(D, C)
     W = at_places(np.exp(np.clip(left, -LARGEST, LARGEST)) * some)
@@ -69,24 +69,14 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     return np.exp(D) * d, np.exp(C) * c
 
 
-def _first_guess(logs: Any, pattern: Any, counts: Vector, beside: Vector) -> tuple[Vector, Vector]:
-    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries, by conjugate gradients
-    for d, scaled by the diagonal."""
-    per_row, per_column, turned = (_ratio(1.0, counts), _ratio(1.0, beside), pattern.T)
-    e = -per_column * (logs.T @ np.ones(counts.size))
-    r = -(logs @ np.ones(beside.size) + pattern @ e)
-    d, p, old = np.zeros(r.size), np.zeros(r.size), 1.0
-    for _ in range(STEPS):
-        new = float(r @ (per_row * r))
-        if new <= GUESSED**2 * counts.sum():
-            break
-        p = per_row * r + (new / old) * p
-        q = counts * p - pattern @ (per_column * (turned @ p))
-        curvature = float(p @ q)
-        if curvature <= 0:  # nothing is left but rounding
-            break
-        d, r, old = d + (new / curvature) * p, r - (new / curvature) * q, new
-    return d, e - per_column * (turned @ d)
+def _first_guess(A: Any, logs: Vector, some: Any, counts: Vector, beside: Vector) -> tuple[Vector, Vector]:
+    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries."""
+    row, m = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))[some], A.shape[0]
+    unit = np.sqrt(_ratio(1.0, np.concatenate([counts, beside])))
+    ends = np.column_stack([row, m + A.indices[some]]).ravel()
+    sums = sp.csr_array((unit[ends], ends, np.arange(0, ends.size + 1, 2)), shape=(row.size, unit.size))
+    x = unit * spla.lsmr(sums, -logs[some], atol=GUESSED, btol=GUESSED, maxiter=STEPS)[0] if row.size else 0.0 * unit
+    return x[:m], x[m:]
 
 
 def _ratio(x: Any, y: Vector) -> Vector:

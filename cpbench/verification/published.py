@@ -17,8 +17,8 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Dense, Vector, max_abs, norm
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.verification import sets
-from cpbench.verification.merit_functions import BOUNDS, path_norms
 from cpbench.verification.projections import project, row_norms
+from cpbench.verification.systems import BOUNDS
 
 VERDICT = "cpbench (backward gives the verdict)"
 CONTACT = ("fc", "fcm", "gfc", "nfc")
@@ -233,6 +233,53 @@ def dimensionless(P: Any, point: Any) -> dict[str, float]:
     sizes = np.linalg.norm(P.diagonal_blocks, ord=2, axis=(1, 2))
     reaction = (max_abs(P.q) or 1.0) / (float(np.max(abs(P.W).sum(axis=1), initial=0.0)) or 1.0)
     return {"dimensionless": _natural(P, point, 1.0 / np.where(sizes > 0, sizes, 1.0)) / reaction}
+
+
+def path_norms(problem: Any, point: Any) -> dict[str, float]:
+    """Return four of the norms that PATH prints, in the ∞-norm, of a point that is moved into its bounds as there:
+    those of complementarity, the normal map, the minimum map and the Fischer function.
+
+    Ferris and Munson name them (PATH 4.7, solution log). The functions are in Billups, Dirkse and Ferris, A comparison
+    of large scale mixed complementarity problem solvers (1997), and in Ferris, Kanzow and Munson, Feasible descent
+    algorithms for mixed complementarity problems (1999); that complementarity is divided by 1 + |bound| is how PATH
+    5.2.01 prints it. Its fifth norm, the gradient of a merit function, is 0 at answers that solve nothing.
+
+    Complementarity is (z − ℓ)F⁺/(1 + |ℓ|) and (u − z)F⁻/(1 + |u|), |F| where there is no bound on that side. The normal
+    map is the distance of −F(z) to the normal cone of the box at z: an answer off its bound by any amount has all of F
+    there. The Fischer function is φ(z − ℓ, −φ(u − z, −F)), φ(a, b) = a + b − √(a² + b²), φ(∞, b) = b. What is fixed
+    is no unknown.
+    """
+    given = np.concatenate([np.zeros(0), *point.arrays().values()])
+    lb, ub = (np.broadcast_to(bound, given.shape) for bound in BOUNDS[problem.node](problem))
+    lb, ub = np.where(lb <= -sets.INFINITE, -np.inf, lb), np.where(ub >= sets.INFINITE, np.inf, ub)
+    z = np.minimum(np.maximum(given, lb), ub)
+    F = _map(problem, z)
+    bound = np.where(F > 0, lb, ub)
+    room = np.divide(np.abs(z - bound), 1.0 + np.abs(bound), out=np.ones_like(z), where=np.isfinite(bound))
+    held = np.where(z == lb, np.minimum(F, 0.0), F)
+    found = {
+        "path_complementarity": room * F,
+        "path_normal_map": np.where(z == ub, np.maximum(held, 0.0), held),
+        "path_minimum_map": np.maximum(np.minimum(F, z - lb), z - ub),
+        "path_fischer": _fischer(z - lb, -_fischer(ub - z, -F)),
+    }
+    return {name: max(max_abs(np.where(lb == ub, 0.0, x)), max_abs(given - z)) for name, x in found.items()}
+
+
+def _map(P: Any, z: Vector) -> Vector:
+    """Return F(z)."""
+    if P.node == "mlcp":
+        u, v = z[: P.a.size], z[P.a.size :]
+        return np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
+    return P.M @ z + P.q if hasattr(P, "M") else P.F(z)
+
+
+def _fischer(a: Vector, b: Vector) -> Vector:
+    """Return φ(a, b) without cancellation, b where a is infinite."""
+    finite = np.where(np.isfinite(a), a, 1.0)
+    size, total = np.hypot(finite, b), finite + b
+    stable = np.divide(2.0 * finite * b, total + size, out=total - size, where=total > 0)
+    return np.where(np.isfinite(a), stable, b)
 
 
 class Family(NamedTuple):

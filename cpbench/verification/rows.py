@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.base import Problem
 from cpbench.formulations.node_table import NodeTable
-from cpbench.foundation.matrices import Vector, dense
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.alike_rows import AlikeRows
 from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.sets import Flags, Sets
@@ -31,28 +31,20 @@ FAR_BELOW = 2.0**-40
 """A constant that is this share of the largest of its kind stands for 0: files have 1e-17, solvers leave 1e-14."""
 ILL_POSED = 1e-2
 """Share of its terms by which the difference of two rows that are nearly the same is missed: two digits are left."""
-SMALL = 2**10
-"""Entries of the largest matrix that is an array whatever it holds: a sparse one takes longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Sizes of the blocks of a Jacobian, rows and unknowns by block: an array where it is full or small, else CSR."""
+    """Sizes of the blocks of a Jacobian, rows and unknowns by block, as CSR."""
 
-    sizes: Any
+    rows: Any
 
     @classmethod
-    def of(cls, sizes: Any) -> Terms:
-        """Make them of a matrix of nonnegative sizes; zeros that are stored are no terms, and join no parts."""
-        if isinstance(sizes, np.ndarray) and (sizes.size <= SMALL or sizes.all()):
-            return cls(sizes)
-        if sizes.shape[0] * sizes.shape[1] <= SMALL:
-            return cls(dense(sizes))
-        entries = sp.csr_array(sizes)
-        if not entries.data.all():
-            entries = entries.copy()
-            entries.eliminate_zeros()
-        return cls(entries)
+    def of(cls, matrix: Any) -> Terms:
+        """Make them of a matrix; zeros that are stored are no terms, and join no parts."""
+        sizes = abs(sp.csr_array(matrix))
+        sizes.eliminate_zeros()
+        return cls(sizes)
 
     @classmethod
     def of_blocks(cls, matrix: Any, row_block: Any, column_block: Any, *, keep_zeros: bool = False) -> Terms:
@@ -60,29 +52,19 @@ class Terms:
 
         keep_zeros : every stored entry stays, for what is known of each by its place.
         """
-        if isinstance(matrix, np.ndarray) and matrix.size and not keep_zeros:
-            rows, columns = (np.flatnonzero(np.diff(block, prepend=-1)) for block in (row_block, column_block))
-            return cls.of(np.sqrt(np.add.reduceat(np.add.reduceat(matrix * matrix, rows), columns, axis=1)))
         entries: Any = sp.coo_array(matrix)
         shape = (int(row_block[-1]) + 1 if len(row_block) else 0, int(column_block[-1]) + 1 if len(column_block) else 0)
         squares = sp.coo_array((entries.data**2, (row_block[entries.row], column_block[entries.col])), shape=shape)
         sizes: Any = sp.csr_array(squares).sqrt()
         return cls(sizes) if keep_zeros else cls.of(sizes)
 
-    @cached_property
-    def rows(self) -> Any:
-        """The same as CSR."""
-        return sp.csr_array(self.sizes)
-
     def sums(self, sizes: Vector) -> Vector:
         """Return Σ_c terms_dc sizes_c of every row."""
-        return self.sizes @ sizes
+        return self.rows @ sizes
 
     def effects(self, weights: Vector) -> Vector:
         """Return max_d terms_dc weights_d of every unknown; 0 for one that is in no row."""
-        if isinstance(self.sizes, np.ndarray):
-            return (self.sizes * weights[:, None]).max(axis=0, initial=0.0)
-        return self.largest(self.sizes.data * self.by_entry(weights))
+        return self.largest(self.rows.data * self.by_entry(weights))
 
     def by_entry(self, values: Vector) -> Vector:
         """Return the values of rows, for each of their entries."""
@@ -90,17 +72,17 @@ class Terms:
 
     def largest(self, entries: Vector) -> Vector:
         """Return the largest of the nonnegative values that the entries of each unknown have; 0 without any."""
-        return largest_of(self.rows.indices, entries, self.sizes.shape[1])
+        return largest_of(self.rows.indices, entries, self.rows.shape[1])
 
     @cached_property
     def lengths(self) -> Any:
         """Number of terms of each row."""
-        return np.count_nonzero(self.sizes, axis=1) if isinstance(self.sizes, np.ndarray) else np.diff(self.rows.indptr)
+        return np.diff(self.rows.indptr)
 
     @cached_property
     def alone(self) -> Flags:
         """Return whether an unknown is in no row."""
-        return self.effects(np.ones(self.sizes.shape[0])) == 0
+        return self.effects(np.ones(self.rows.shape[0])) == 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +219,7 @@ class Frame:
     @cached_property
     def units(self) -> tuple[Vector, Vector]:
         """D and C, (k,): rows are compared times D, unknowns over C."""
-        return equilibrate_apart(self.terms.sizes if self.by is None else self.by)
+        return equilibrate_apart(self.terms.rows if self.by is None else self.by)
 
     @cached_property
     def alike(self) -> AlikeRows | None:

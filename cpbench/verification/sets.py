@@ -45,14 +45,6 @@ class Sets:
         return np.isfinite(self.lb), np.isfinite(self.ub)
 
     @cached_property
-    def kind(self) -> str:
-        """`free` without a side, `orthant` where all lower sides and no upper ones are finite, else `box`."""
-        lower, upper = self.bounded
-        if upper.any():
-            return "box"
-        return "orthant" if lower.all() else "box" if lower.any() else "free"
-
-    @cached_property
     def off_0(self) -> list[tuple[Vector, Flags, float]]:
         """The sides of which some are not 0, which ones, and 1 for the lower, −1 for the upper."""
         sides = zip((self.lb, self.ub), self.bounded, (1.0, -1.0), strict=True)
@@ -81,9 +73,8 @@ class Sets:
         return self._with_cones(units, lambda cone: cone.own_unit())
 
     def nearest(self, x: Vector) -> Vector:
-        """Return P(x); x itself where it is within the sides."""
-        if self.kind == "box" or (self.kind == "orthant" and np.count_nonzero(x < self.lb) > 0):
-            x = np.minimum(np.maximum(x, self.lb), self.ub)
+        """Return P(x)."""
+        x = np.minimum(np.maximum(x, self.lb), self.ub)
         for cone in self.cones:
             x = cone.nearest(x)
         return x
@@ -102,49 +93,31 @@ class Sets:
     def idle(self, x: Vector, f: Vector) -> Flags:
         """Return whether f holds a component on the boundary that it is at: only its sign matters."""
         lower, upper = self.bounded
-        if self.kind == "orthant":
-            result = f > 0
-        elif self.kind == "free":
-            result = np.zeros(x.size, dtype=bool)
-        else:
-            below, above = np.abs(x - self.lb), np.abs(x - self.ub)
-            result = (lower & (below <= above) & (f > 0)) | (upper & (above <= below) & (f < 0))
+        below, above = np.abs(x - self.lb), np.abs(x - self.ub)
+        result = (lower & (below <= above) & (f > 0)) | (upper & (above <= below) & (f < 0))
         return self._with_cones(result, lambda cone: cone.idle(f))
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return the larger of the distances of x̂ from the set and of f̂ from the dual set."""
-        f_hat = f * f_unit
-        if self.kind == "free":
-            result = np.abs(f_hat)
-        else:  # without a bound nothing may push towards it
-            lower, upper = self.bounded
-            below = np.where(lower, (self.lb - x) * x_unit, f_hat)
-            above = np.where(upper, (x - self.ub) * x_unit, -f_hat)
-            result = np.maximum(np.maximum(below, above), 0.0)
+        f_hat, (lower, upper) = f * f_unit, self.bounded
+        below = np.where(lower, (self.lb - x) * x_unit, f_hat)  # without a bound nothing may push towards it
+        above = np.where(upper, (x - self.ub) * x_unit, -f_hat)
+        result = np.maximum(np.maximum(below, above), 0.0)
         return self._with_cones(result, lambda cone: cone.conditions(x, f, x_unit, f_unit))
 
     def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
         """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach`."""
-        if self.kind == "orthant" and not self.off_0:  # what is below 0 is pushed to no bound
-            room = x
-        else:
-            bound = np.where(f > 0, self.lb, self.ub)
-            room = np.where(np.isfinite(bound), x - bound, x)
+        bound = np.where(f > 0, self.lb, self.ub)
+        room = np.where(np.isfinite(bound), x - bound, x)
         inside = np.copysign(np.minimum(np.abs(room), reach), room)
         return self._with_cones(f * inside, lambda cone: cone.products(x, f))
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
-        result = f * f_unit
-        if self.kind != "free":
-            low, high = self.lb, self.ub
-            if self.off_0:  # a bound times a unit of 0 is no bound: 0·∞ would be NaN
-                sides = zip((low, high), self.bounded, strict=True)
-                low, high = (np.where(some, x_unit * side, side) for side, some in sides)
-            at = x * x_unit
-            # no difference of x̂ and x̂ − f̂: a small f is lost beside a large x
-            result = np.minimum(result, at - low)
-            result = result if self.kind == "orthant" else np.maximum(result, at - high)
+        sides = zip((self.lb, self.ub), self.bounded, strict=True)
+        low, high = (np.where(some, x_unit * side, side) for side, some in sides)  # 0·∞ would be NaN
+        # no difference of x̂ and x̂ − f̂: a small f is lost beside a large x
+        result = np.maximum(np.minimum(f * f_unit, x * x_unit - low), x * x_unit - high)
         return self._with_cones(result, lambda cone: cone.defect(x, f, x_unit, f_unit))
 
     def _with_cones(self, values: Any, of: Callable[[ConeFactors], Any]) -> Any:

@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
-from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
+from cpbench.foundation.matrices import Matrix, Vector, transpose
 from cpbench.verification.linear import orientation
-from cpbench.verification.merit_functions import BOUNDS
-from cpbench.verification.rows import ROWS, SMALL, STACKED, Frame, System, Terms, every, kept
+from cpbench.verification.rows import ROWS, STACKED, Frame, System, Terms, every, kept
 from cpbench.verification.sets import INFINITE, Sets
 
-
-def stack(blocks: list[list[Any]]) -> Any:
-    """Return |K| of a matrix of blocks, None being zero: an array where it is small, else CSR."""
-    heights = [next(B.shape[0] for B in row if B is not None) for row in blocks]
-    widths = [next(B.shape[1] for B in column if B is not None) for column in zip(*blocks, strict=True)]
-    tops, lefts = (np.cumsum([0, *sizes]).tolist() for sizes in (heights, widths))
-    placed = [(B, tops[i], lefts[j]) for i, row in enumerate(blocks) for j, B in enumerate(row) if B is not None]
-    shape = (tops[-1], lefts[-1])
-    if shape[0] * shape[1] <= SMALL:
-        K = np.zeros(shape)
-        for B, i, j in placed:
-            K[i : i + B.shape[0], j : j + B.shape[1]] = np.abs(dense(B))
-        return K
-    entries: Any = [(sp.coo_array(B), i, j) for B, i, j in placed]
-    data = np.concatenate([np.abs(B.data) for B, _, _ in entries])
-    rows, columns = (np.concatenate([B.coords[at] + first[at] for B, *first in entries]) for at in (0, 1))
-    return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=shape))
-
+BOUNDS: NodeTable[Callable[[Any], tuple[Any, Any]]] = NodeTable(
+    "bounds beside F", "verify --all-measures shows no norms of PATH"
+)
+"""Bounds of the unknowns, by formulation: those that are mixed complementarity problems without any conversion."""
+BOUNDS.enter(lambda problem: (0.0, np.inf), "lcp", "ncp")
+BOUNDS.enter(lambda problem: (problem.lb, problem.ub), "relay", "micp")
+BOUNDS.enter(lambda problem: (-np.inf, np.inf), "equation")
+BOUNDS.enter(lambda problem: (np.repeat([-np.inf, 0.0], [problem.a.size, problem.b.size]), np.inf), "mlcp")
 
 STACKED.enter(True, "lcp", "mlcp", "qp")
 
@@ -42,7 +33,7 @@ def relay(P: Any, point: Any) -> System:
 
     def frame() -> Frame:
         own = Sets.of((P.q.size, *BOUNDS[P.node](P)))
-        return Frame(Terms.of(abs(P.M)), np.abs(P.q), own, P.q, None, *orientation(P.M))
+        return Frame(Terms.of(P.M), np.abs(P.q), own, P.q, None, *orientation(P.M))
 
     return System(kept(P, frame), point.z, P.M @ point.z + P.q)
 
@@ -55,8 +46,8 @@ def mlcp(problem: Any, point: Any) -> System:
     def frame() -> Frame:
         own = Sets.of((u.size, -np.inf, np.inf), (v.size, 0.0, np.inf))
         constants = np.concatenate([P.a, P.b])
-        J = [[P.A, P.C], [P.D, P.B]]
-        return Frame(Terms.of(stack(J)), np.abs(constants), own, constants, None, *orientation(matrices.block(J)))
+        J = matrices.block([[P.A, P.C], [P.D, P.B]])
+        return Frame(Terms.of(J), np.abs(constants), own, constants, None, *orientation(J))
 
     f = np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
     return System(kept(P, frame), np.concatenate([u, v]), f)
@@ -84,14 +75,12 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     lam, b = (np.where(bound, point.lam, 0.0), np.where(bound, P.b, 0.0)) if endless else (point.lam, P.b)
 
     def frame() -> Frame:
-        sizes = stack([[M, transpose(P.A), transpose(P.C)], [P.A, None, None], [P.C, None, None]])
-        if P.node == "qp":
-            multiplier, program = np.arange(n + m + k) >= n, np.ones(n + m + k, dtype=bool)
-        else:
-            J = [[M, -transpose(P.A), -transpose(P.C)], [P.A, None, None], [P.C, None, None]]
-            multiplier, program = orientation(sp.block_array(J))
+        J = sp.block_array([[M, -transpose(P.A), -transpose(P.C)], [P.A, None, None], [P.C, None, None]])
+        multiplier, program = np.arange(n + m + k) >= n, np.ones(n + m + k, dtype=bool)
+        if P.node != "qp":
+            multiplier, program = orientation(J)
         return Frame(
-            terms=Terms.of(sizes),
+            terms=Terms.of(J),
             constants=np.abs(np.concatenate([q, b, P.d])),
             sets=Sets.of((n, P.lb, P.ub), (m, 0.0, np.inf), (k, -np.inf, np.inf)),
             signed=np.concatenate([q, -b, -P.d]),

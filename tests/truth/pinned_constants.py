@@ -55,7 +55,6 @@ EFFORT = {
     "exact_vectors.ROUNDING": PROVED,
     "hints.CURVED": PROVED,
     "hints.LARGEST": PROVED,
-    "rows.SMALL": f"{JUDGE}test_zeros_that_are_stored_join_no_parts",
     "stacked.ENTRIES": "unit/test_solve_many.py",
 }
 """Constants of how a number is computed or a proof looked for."""

@@ -39,7 +39,7 @@ from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
 from cpbench.verification.nonlinear import row_errors
-from cpbench.verification.rows import ROWS, Terms
+from cpbench.verification.rows import ROWS
 from cpbench.verification.verdict import error_of
 from cpbench_problems.generators.equations import powell_singular
 
@@ -60,11 +60,6 @@ def test_the_error_of_an_lcp_holds_in_80_digits(rng: np.random.Generator) -> Non
         problem = LCP(M=M, q=q)
         error = row_errors(ROWS["lcp"](problem, LCPPoint(z=z))).error
         assert error == pytest.approx(float(expected), rel=1e-9, abs=1e-14), seed
-
-
-def test_full_and_sparse_matrices_have_the_same_terms(rng: np.random.Generator) -> None:
-    K = np.abs(rng.standard_normal((9, 9))) * 10.0 ** rng.integers(-6, 7, 9)
-    assert (Terms.of(K).rows != sp.csr_array(K)).nnz == 0
 
 
 def _wide(rng: np.random.Generator, n: int) -> np.ndarray:

@@ -36,8 +36,7 @@ from cpbench.formulations.expressions import Map
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing.cases import cases
 from cpbench.verification import judge, judge_by_all, published
-from cpbench.verification.merit_functions import path_norms
-from cpbench.verification.published import BESIDE, FAMILIES, SOURCES, beside, conic
+from cpbench.verification.published import BESIDE, FAMILIES, SOURCES, beside, conic, path_norms
 
 inf = np.inf
 FORCE = 2.0
