@@ -1,4 +1,4 @@
-"""Collects answers of many solvers to the real QPs, with references, into a folder that `measure.py` reads.
+"""Collects answers of many solvers to the real QPs, with references, into a folder that other scripts read.
 
 python tests/truth/collect.py --cache FOLDER [--seconds 3] [--budget 900] [NAME ...]
 """

@@ -1,6 +1,4 @@
-"""Judges the answers that `collect.py` has kept with `cpbench.verification.judge`, and lists what is false.
-
-    python tests/truth/measure.py --cache FOLDER [--eps 1e-6 ...] [--lines 40] [NAME ...]
+"""What `cpbench.verification.judge` says of answers to QPs beside what is true of them.
 
 False solved: `solved` with the objective off by more than 10 ε of its terms at the reference, or a row or bound missed
 by more than 10 ε of its terms (of the size of its unknowns by more than 1000 ε, where its terms are all 0). False
@@ -9,14 +7,11 @@ rejections: right to ε/100 by the numbers of the literature, and not solved.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from kept_answers import kept
-from qp_literature import Array, Literature, Reference, literature, misses, off, unknown_sizes
+from qp_literature import Array, Literature, Reference, literature, misses, off
 
 from cpbench.verification import judge
 
@@ -79,61 +74,3 @@ def measured(
     for epsilon in epsilons:
         verdict = judge(problem, point, epsilon)
         yield Measured(name, label, epsilon, verdict.solved, verdict.error, far, rows, zeros, numbers)
-
-
-def cached(folder: Path, names: Sequence[str], epsilons: Sequence[float]) -> Iterator[Measured | str]:
-    """Yield every kept answer measured, and the name of each problem that has no reference."""
-    for name, problem, answers, reference in kept(folder, names):
-        if reference is None:
-            yield name
-            continue
-        sizes = unknown_sizes(problem, reference)
-        for label, point in answers:
-            yield from measured(name, problem, label, point, reference, sizes, epsilons)
-
-
-def listed(title: str, rows: Iterable[Measured], lines: int) -> None:
-    rows = list(rows)
-    by_file = sorted({row.file for row in rows})
-    print(f"\n{title}: {len(rows)} on {len(by_file)} files {' '.join(by_file)}")
-    for row in rows[:lines]:
-        print("  ", row)
-
-
-def report(rows: list[Measured], lines: int) -> None:
-    """Print counts and lists for each ε."""
-    for epsilon in sorted({row.epsilon for row in rows}, reverse=True):
-        here = [row for row in rows if row.epsilon == epsilon]
-        files = {row.file for row in here}
-        solved = sum(row.solved for row in here)
-        print(f"\n=== eps {epsilon:.0e}: {len(here)} answers to {len(files)} problems, {solved} solved")
-        for name, words in (("off", "objective off"), ("rows", "a row missed"), ("zeros", "a row of zeros missed")):
-            false = [row for row in here if row.solved and row.missed[name]]
-            false.sort(key=lambda row, name=name: -getattr(row, name))
-            listed(f"(i) false solved, {words}", false, lines)
-        for by_row, words in ((True, "row by row"), (False, "over the largest terms")):
-            right = [row for row in here if row.right(by_row)]
-            rejected = sorted((row for row in right if not row.solved), key=lambda row: -row.error)
-            listed(f"(ii) false rejections, {words} (of {len(right)} right)", rejected, lines)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="problems; all where none is named")
-    parser.add_argument("--cache", type=Path, required=True, help="the folder that collect.py has written")
-    parser.add_argument("--eps", type=float, nargs="+", default=EPSILONS, help="tolerances")
-    parser.add_argument("--lines", type=int, default=40, help="lines of each list")
-    given = parser.parse_args()
-    rows: list[Measured] = []
-    without: list[str] = []
-    for found in cached(given.cache, given.names, given.eps):
-        if isinstance(found, str):
-            without.append(found)
-        else:
-            rows.append(found)
-    report(rows, given.lines)
-    print(f"\nwithout reference, left out ({len(without)}): {' '.join(without)}")
-
-
-if __name__ == "__main__":
-    main()
