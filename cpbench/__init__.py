@@ -27,7 +27,6 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.api.modelled import from_cvxpy as from_cvxpy
     from cpbench.api.modelled import from_game as from_game
     from cpbench.api.modelled import from_least_squares as from_least_squares
-    from cpbench.api.modelled import from_qpsolvers as from_qpsolvers
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
     from cpbench.api.problems import explain as explain
@@ -71,7 +70,6 @@ _HOMES = {
     "from_game": "api.modelled",
     "from_least_squares": "api.modelled",
     "from_boxed_lcp": "api.modelled",
-    "from_qpsolvers": "api.modelled",
     "from_cvxpy": "api.modelled",
     "Modelled": "api.modelled",
     "convert": "api.problems",

@@ -19,7 +19,7 @@ from cpbench.formulations.applications.own_unknowns import own_vector
 from cpbench.formulations.base import Point, Problem
 from cpbench.foundation.plain_text import on_one_line, printable
 from cpbench.registry import PLUGIN_FILES
-from cpbench.storage.vectors import save_vector
+from cpbench.storage.answers import save_vector
 from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, error_text
 
 

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import numpy as np
-import scipy.sparse as sp
 
 from cpbench.api import cvxpy_program
 from cpbench.api.problems import point_of
 from cpbench.api.solution import Solution
-from cpbench.errors import ProblemError
 from cpbench.formulations.applications.boxed import boxed_problem, rows_of
 from cpbench.formulations.applications.game import game_problem, strategies
 from cpbench.formulations.applications.least_squares import columns_of, least_squares_problem
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.primal import Primal, primal_of
-from cpbench.storage import array_problems, dialects
-from cpbench.storage.named_arrays import NamedArrays, shapes_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,30 +111,6 @@ def from_boxed_lcp(A: Any, b: Any, lo: Any, hi: Any, findex: Any = None, *, name
     """
     problem = boxed_problem(A, b, lo, hi, findex, name)
     return Modelled(problem, lambda point: point.z[: rows_of(problem)])
-
-
-def from_qpsolvers(problem: Any, *, name: str = "") -> Modelled:
-    """Return a `qpsolvers.Problem` as a QP; `lift` returns x, shape (n,).
-
-    Raises FormatError where its parts do not fit each other, or P is stored as one triangle.
-
-    >>> import cpbench, numpy, qpsolvers
-    >>> given = qpsolvers.Problem(numpy.eye(2), numpy.array([-1.0, 2.0]), lb=numpy.zeros(2), ub=numpy.ones(2))
-    >>> model = cpbench.from_qpsolvers(given)
-    >>> model.lift(cpbench.solve(model.problem)).round(6).tolist()
-    [1.0, 0.0]
-    """
-    form = dialects.QPSOLVERS
-    given: dict[str, Any] = {part: getattr(problem, part, None) for part in form.arrays}
-    if given["P"] is None or given["q"] is None:
-        raise ProblemError("qpsolvers", f"is a {type(problem).__name__}, expected a qpsolvers.Problem")
-    values: dict[str, Any] = {}
-    for part, value in given.items():
-        if value is not None:
-            values[part] = sp.csr_array(value) if sp.issparse(value) else np.asarray(value)
-    arrays = NamedArrays(Path("qpsolvers.Problem"), values)
-    form, text = array_problems.choose(arrays.path, shapes_of(values), form)
-    return Modelled(array_problems.problem(arrays, form, text, name), lambda point: point.z)
 
 
 def from_cvxpy(problem: Any, *, name: str = "") -> Modelled:

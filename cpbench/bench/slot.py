@@ -256,7 +256,7 @@ class PairRun:
                 message = f"{self.name} takes no starting point, and a cold start is not what was asked for"
                 raise RunStopped("unsupported", message)
             if pair.start == PREVIOUS and pair.scene is None:
-                message = "start previous: the problem is no step of a sequence (cpbench pack --sequence makes one)"
+                message = "start previous: the problem is no step of a sequence (cpbench.Recorder makes one)"
                 raise RunStopped("unsupported", message)
             if pair.start == PREVIOUS and before is None:
                 started = "cold: first step"

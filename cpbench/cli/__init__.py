@@ -34,7 +34,7 @@ def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[s
 
 
 COMMANDS = (
-    "run", "solve", "convert", "lift", "verify", "info", "show", "plot", "graph", "route", "list", "pack",
+    "run", "solve", "convert", "lift", "verify", "info", "show", "plot", "graph", "route", "list",
     "report", "compare", "results", "collection", "generate", "new", "check", "doctor",
 )  # fmt: skip
 RESULT_COMMANDS = ("import", "merge", "export")

@@ -10,8 +10,8 @@ from cpbench import graph, storage
 from cpbench.cli.options import Command, force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.errors import CpbenchError, FormatError
+from cpbench.storage.answers import save_vector
 from cpbench.storage.base import require_new
-from cpbench.storage.vectors import save_vector
 
 
 @click.command(cls=Command)

@@ -35,10 +35,7 @@ class ListOption(click.Option):
 
 
 class Command(click.Command):
-    """A command that refuses an option of one value when it is given twice, where click would take the last.
-
-    `--symmetric` becomes a part of the format, `NAME[symmetric=upper]`, which is kept wherever a format is.
-    """
+    """A command that refuses an option of one value when it is given twice, where click would take the last."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and not ctx.resilient_parsing:
@@ -47,17 +44,7 @@ class Command(click.Command):
                 if order.count(option) > 1 and not option.multiple:
                     flag = "/".join((*option.opts[-1:], *option.secondary_opts[-1:]))
                     raise click.UsageError(f"{flag} is given twice: give it once, it has one value", ctx)
-        left = super().parse_args(ctx, args)
-        if "file_format" in ctx.params and (half := ctx.params.pop("symmetric", None)):
-            ctx.params["file_format"] = _with_half(ctx.params["file_format"], half)
-            ctx.set_parameter_source("file_format", ParameterSource.COMMANDLINE)
-        return left
-
-
-def _with_half(text: str | None, half: str) -> str:
-    if text and "[" in text:
-        raise click.UsageError(f"--symmetric goes with a format without brackets, not with '{text}'")
-    return f"{text or ''}[symmetric={half}]"
+        return super().parse_args(ctx, args)
 
 
 class Sections(Command):
@@ -131,14 +118,8 @@ via_option = click.option(
     metavar="CONVERSION",
     help="Conversion to go through, by its name or the end of it; NAME[parameter=value] sets one. Repeatable.",
 )
-symmetric_option = click.option(
-    "--symmetric",
-    type=click.Choice(["upper", "lower"]),
-    help="Triangle that the input holds of its symmetric matrices; the other half is completed.",
-)
-format_option = chained(
-    click.option("--format", "file_format", metavar="NAME", help="Format of the input (cpbench list formats)."),
-    symmetric_option,
+format_option = click.option(
+    "--format", "file_format", metavar="NAME", help="Format of the input (cpbench list formats)."
 )
 force_option = click.option("--force", is_flag=True, help="Replace an existing output file.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")

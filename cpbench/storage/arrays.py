@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickletools
+import re
 import struct
 import tokenize
 import warnings
@@ -20,9 +21,7 @@ from numpy.typing import NDArray
 from cpbench.errors import FormatError
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.storage import market_text
 from cpbench.storage.base import read_head, read_text
-from cpbench.storage.text_lines import lines, words
 
 SPARSE = ("data", "indices", "indptr", "shape")
 """Parts of a sparse matrix NAME: NAME.data, NAME.indices, NAME.indptr, NAME.shape."""
@@ -102,15 +101,6 @@ def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     except _ZIP_DAMAGE as cause:
         raise FormatError(path, "", f"is not a readable .npz archive ({first_line(cause)})") from None
     return shapes
-
-
-def npz_names(path: Path) -> set[str]:
-    """Return the names of the arrays in an .npz; empty when it is not one."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return {name.removesuffix(".npy") for name in archive.namelist()}
-    except _ZIP_DAMAGE:
-        return set()
 
 
 def sparse_from_parts(path: Path, where: str, parts: dict[str, NDArray[Any]]) -> sp.csr_array:
@@ -223,16 +213,22 @@ def _opcodes(data: bytes) -> list[tuple[str, Any]]:
 
 def _read_mtx(path: Path) -> Any:
     """Read a CSR matrix from a coordinate file, an array from an array file."""
+    import scipy.io
+
+    read_head(path)
     try:
-        return market_text.parse(read_text(path))
-    except ValueError as cause:
+        value = scipy.io.mmread(path, spmatrix=False)
+    except (ValueError, TypeError, OverflowError, MemoryError) as cause:
         raise FormatError(path, "", f"is not a readable Matrix Market file ({first_line(cause)})") from None
+    if value.dtype.kind not in "biuf":
+        raise FormatError(path, "", f"holds {value.dtype}, expected real numbers")
+    return sp.csr_array(value, dtype=np.float64) if sp.issparse(value) else value.astype(np.float64)
 
 
 def _read_rows(path: Path) -> NDArray[Any]:
     """Read rows of numbers between commas, semicolons or blanks; skip '#' comments and a first line of titles."""
-    text = read_text(path)
-    split = (words(line.split("#")[0].replace(",", " ").replace(";", " ")) for line in lines(text))
+    # not Python's blanks and ends of lines: in Latin-1 some stand within numbers (the blank that does not break)
+    split = (re.findall(r"[^,; \t\f]+", line.split("#")[0]) for line in re.split(r"\r\n?|\n", read_text(path)))
     rows = [row for row in split if row]
     if rows and not _is_number(rows[0][0]):
         rows = rows[1:]

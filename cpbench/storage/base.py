@@ -19,8 +19,6 @@ from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.node_table import NodeTable
 from cpbench.registry import Registry
-from cpbench.storage.compressed import is_compressed, plain, unpacked
-from cpbench.storage.half_stored import Half
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
@@ -36,8 +34,7 @@ class Format(ABC):
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
     by_suffix : whether a file is written in this format because its name ends in one of `suffixes`.
     keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
-    starting points. text : whether its files are text, which may also be compressed (NAME.SUFFIX.gz).
-    table : how it writes each formulation, where a package may enter its own.
+    starting points. table : how it writes each formulation, where a package may enter its own.
     """
 
     name: ClassVar[str]
@@ -47,7 +44,6 @@ class Format(ABC):
     by_suffix: ClassVar[bool] = True
     keeps_provenance: ClassVar[bool] = False
     keeps_guesses: ClassVar[bool] = False
-    text: ClassVar[bool] = False
     table: ClassVar[NodeTable[Any] | None] = None
 
     @abstractmethod
@@ -69,11 +65,6 @@ class Format(ABC):
     @abstractmethod
     def load(self, path: Path, member: str) -> Problem:
         """Load the problem `member` of the file ("" where the file is one problem); raises FormatError."""
-
-    def load_half(self, path: Path, member: str, half: Half) -> Problem:
-        """Load a problem whose symmetric matrices are stored by one triangle; raises FormatError, also where the format
-        keeps whole ones."""
-        raise FormatError(path, "", f"--symmetric {half} is of named arrays, the format {self.name} has none")
 
     def members(self, path: Path) -> list[str]:
         """Return the names of the problems in the file; [""] when the file is one problem."""
@@ -131,7 +122,7 @@ def split_address(address: str | Path) -> tuple[Path, str]:
 
 def stem(path: Path) -> str:
     """Return the name of a problem whose file gives none: the file's without suffixes (Siconos has ``x.hdf5.dat``)."""
-    return plain(path).stem.removesuffix(".hdf5")
+    return path.stem.removesuffix(".hdf5")
 
 
 def read_head(path: Path) -> bytes:
@@ -150,19 +141,15 @@ def read_head(path: Path) -> bytes:
         raise FormatError(path, "", f"cannot be opened ({cause.strerror or cause})") from None
     if not head:
         raise FormatError(path, "", "is empty (0 bytes)")
-    if is_compressed(path):
-        return b"".join(unpacked(path, _HEAD_BYTES))
     if head.startswith(b"version https://git-lfs"):
         raise FormatError(path, "", "is a Git-LFS pointer, not the data: run 'git lfs pull' where it came from")
     return head
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file, unpacked where it is compressed; raises FormatError where it is damaged or too large."""
+    """Read a file; raises FormatError where there is none."""
     read_head(path)
-    if not is_compressed(path):
-        return path.read_bytes()
-    return b"".join(unpacked(path, None))
+    return path.read_bytes()
 
 
 def read_text(path: Path) -> str:

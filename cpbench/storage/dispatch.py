@@ -6,10 +6,8 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from cpbench.errors import CpbenchError, FormatError
+from cpbench.errors import FormatError
 from cpbench.formulations.base import Point, Problem
-from cpbench.foundation import brackets
-from cpbench.storage.array_containers import folder_files, is_array_folder
 from cpbench.storage.base import (
     SEPARATOR,
     Format,
@@ -18,58 +16,39 @@ from cpbench.storage.base import (
     split_address,
     write_atomic,
 )
-from cpbench.storage.compressed import is_compressed, plain
-from cpbench.storage.half_stored import Half
 
 logger = logging.getLogger("cpbench.storage")
 
 NATIVE = ".h5"
 """Suffix of the format that holds every problem."""
-_MATRICES = (".npy", ".npz", ".mtx", ".csv", ".txt")
-"""Suffixes of files that hold a matrix or a vector, as `cpbench pack` takes them."""
+_PACK = "; a matrix by itself is part of a problem: cpbench pack makes one"
+_HINTS = {**dict.fromkeys((".npy", ".npz", ".mtx", ".csv", ".txt"), _PACK), ".gz": "; unpack it first (gunzip)"}
+"""What to do with files that are no problem, by suffix."""
 
 
 def load(path: str | Path, *, format: str | None = None) -> Problem:
     """Load the problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
 
-    `format` may say more, in brackets: ``[symmetric=upper]``, ``cvxopt[symmetric=lower]`` (see `reading`).
-
     Raises FormatError when the file is not readable as a problem, UnknownName on an unknown format.
     """
     file, member = split_address(path)
-    wanted, half = reading(format)
-    if wanted is not None:
-        if not file.is_dir():
-            read_head(file)
-        return wanted.load(file, member) if half is None else wanted.load_half(file, member, half)
+    if format is not None:
+        read_head(file)
+        return formats.get(format).load(file, member)
     first, *others = _candidates(file)
-    return first.load_any(others, file, member) if half is None else first.load_half(file, member, half)
-
-
-def reading(text: str | None) -> tuple[Format | None, Half | None]:
-    """Return what a text such as `NAME[symmetric=upper]` says of the reading of a file: the format, None for that of
-    its content, and which triangle it holds of symmetric matrices, None for both.
-
-    Raises UnknownName on another format, CpbenchError on another option.
-    """
-    name, options = brackets.read("format", text or "")
-    half = options.pop("symmetric", None)
-    if options or half not in (None, "upper", "lower"):
-        raise CpbenchError(f"format '{text}': expected NAME, NAME[symmetric=upper] or NAME[symmetric=lower]")
-    return formats.get(name) if name else None, half
+    return first.load_any(others, file, member)
 
 
 def members(path: str | Path, format: str | None = None) -> list[str]:
     """Return the names of the problems in a file; [""] when the file is one problem. Raises FormatError."""
     file, _ = split_address(path)
-    return (reading(format)[0] or _candidates(file)[0]).members(file)
+    return _format(file, format).members(file)
 
 
 def files(path: str | Path, format: str | None = None) -> list[Path]:
     """Return all files that the problem at `path` is read from, the one that is named first. Raises FormatError."""
     file, _ = split_address(path)
-    chosen = reading(format)[0] or _candidates(file)[0]
-    return [file, *chosen.beside(file)]
+    return [file, *_format(file, format).beside(file)]
 
 
 def save(
@@ -145,13 +124,9 @@ def problem_files(paths: Iterable[str | Path]) -> list[str]:
 
 
 def _searched(folder: Path) -> list[str]:
-    """Return the addresses of the problems in a folder; one whose files are the arrays of a problem is one itself."""
+    """Return the addresses of the problems in the files of a folder that some format recognises."""
     inside = sorted(p for p in folder.rglob("*") if p.is_file() and not p.name.startswith("."))
-    by_folder: dict[Path, list[str]] = {}
-    for file in inside:
-        by_folder.setdefault(file.parent, []).append(file.name)
-    problems = [str(place) for place, names in by_folder.items() if is_array_folder(names)]
-    return problems + [address for p in inside if _known(p) for address in _addresses(p)]
+    return [address for p in inside if _is_listed(p) for address in _addresses(p)]
 
 
 def _addresses(file: Path) -> list[str]:
@@ -162,30 +137,26 @@ def _addresses(file: Path) -> list[str]:
     return [f"{file}{SEPARATOR}{name}" if name else str(file) for name in names]
 
 
-def _known(file: Path) -> bool:
+def _is_listed(file: Path) -> bool:
     try:
         head = read_head(file)
     except FormatError:
         head = b""
-    name = plain(file)
-    return any(f.in_folder(name, head) for f in _possible(file))
+    return any(f.in_folder(file, head) for f in formats)
 
 
-def _possible(file: Path) -> list[Format]:
-    """Return the formats that the file may be in by its name: those of text where it is compressed."""
-    packed = is_compressed(file)
-    return [f for f in formats if f.text or not packed]
+def _format(file: Path, name: str | None) -> Format:
+    return formats.get(name) if name is not None else _candidates(file)[0]
 
 
 def _candidates(file: Path) -> list[Format]:
-    if file.is_dir() and folder_files(file):
-        return [formats.get("arrays")]
-    head, name = read_head(file), plain(file)
-    result = [f for f in _possible(file) if f.recognises(name, head)]
+    head = read_head(file)
+    result = [f for f in formats if f.recognises(file, head)]
     if not result:
         known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
-        more = "; a matrix by itself is part of a problem: cpbench pack makes one" if file.suffix in _MATRICES else ""
-        raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format{more}")
+        raise FormatError(
+            file, "", f"is in no known format (suffixes {known}): name it with --format{_HINTS.get(file.suffix, '')}"
+        )
     return result
 
 

@@ -11,14 +11,11 @@ import h5py
 from cpbench.errors import FormatError
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Point, Problem
-from cpbench.storage import array_problems, fclib, native
-from cpbench.storage.array_containers import has_arrays, tree_names, tree_values
-from cpbench.storage.base import SEPARATOR, Format, formats, no_member, stem
-from cpbench.storage.half_stored import Half
+from cpbench.storage import fclib, native
+from cpbench.storage.base import SEPARATOR, Format, formats, stem
 from cpbench.storage.hdf5_points import put_guesses, put_solution
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
 from cpbench.storage.hdf5_writer import new_file
-from cpbench.storage.named_arrays import NamedArrays, shapes_of
 
 SUFFIXES = (".hdf5", ".h5")
 _PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING}
@@ -32,8 +29,7 @@ def members_of(root: Tree) -> list[str]:
         return [""]
     if side_by_side:
         return side_by_side
-    members = [name for name in root.names() if _is_member(root, name)]
-    return members or ([""] if _are_arrays(root) else [])
+    return [name for name in root.names() if _is_member(root, name)]
 
 
 def locate(root: Tree, member: str) -> tuple[Tree, str]:
@@ -64,8 +60,6 @@ def locate(root: Tree, member: str) -> tuple[Tree, str]:
 
 def read_problem(root: Tree, member: str) -> Problem:
     """Read the problem `member` of an open file; raises FormatError."""
-    if _are_arrays(root):
-        return _arrays_of(root, member, None)
     parent, group = locate(root, member)
     name = member or stem(root.path)
     return fclib.read(parent, group, name) if group else native.read(parent, name)
@@ -131,12 +125,6 @@ class HDF5(Format):
         with open_tree(path) as root:
             return read_problem(root, member)
 
-    def load_half(self, path: Path, member: str, half: Half) -> Problem:
-        with open_tree(path) as root:
-            if not _are_arrays(root):
-                return super().load_half(path, member, half)
-            return _arrays_of(root, member, half)
-
     def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
         with h5py.File(file, "w", track_order=False) as root:  # straight into the file: it may be large
             write_problem(root, problem, compress=compress)
@@ -196,23 +184,6 @@ def _is_member(root: Tree, name: str) -> bool:
 
 def _is_problem(tree: Tree) -> bool:
     return "cpbench" in tree or any(group in tree for group in _PARTS.values())
-
-
-def _are_arrays(root: Tree) -> bool:
-    """Return whether the file holds named arrays: data sets in its root, and no problem of cpbench or FCLIB."""
-    return (
-        not _is_problem(root)
-        and "solution" not in root
-        and has_arrays(root)
-        and not any(_is_member(root, name) for name in root.names())
-    )
-
-
-def _arrays_of(root: Tree, member: str, half: Half | None) -> Problem:
-    no_member(root.path, member)
-    array_problems.choose(root.path, dict.fromkeys(tree_names(root)))
-    arrays = NamedArrays(root.path, tree_values(root), half)
-    return array_problems.problem(arrays, *array_problems.choose(root.path, shapes_of(arrays.values)))
 
 
 def _nothing(root: Tree) -> str:

@@ -21,8 +21,8 @@ from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.qp import QP
 from cpbench.foundation.plain_text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench.storage.trial import require_survivor
 from cpbench_problems.formats.mps import noted, program
+from cpbench_problems.formats.trial import require_survivor
 
 _LARGEST = 1 << 28
 _SECONDS = 60.0
@@ -34,7 +34,6 @@ class LP(Format):
     name = "lp"
     summary = "LP format of CPLEX: linear and quadratic programs, without integers and sets, by HiGHS"
     suffixes = (".lp",)
-    text = True
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return path.suffix.lower() in self.suffixes

@@ -43,7 +43,6 @@ class MOF(Format):
     name = "mof"
     summary = "MathOptFormat 1.x (JSON), as JuMP reads it: complementarity problems, quadratic and nonlinear programs"
     suffixes = (SUFFIX,)
-    text = True
     table = MODELS
     writes = frozenset(MODELS)
 

@@ -14,7 +14,6 @@ from cpbench.formulations.base import Problem
 from cpbench.formulations.expressions.mof_json import parse
 from cpbench.formulations.expressions.mof_model import read_model
 from cpbench.storage.base import read_bytes, read_head
-from cpbench.storage.compressed import plain
 from cpbench_problems.formats.model_problem import problem_of
 
 MARK = "cpbench "
@@ -31,7 +30,7 @@ def read(path: Path) -> Problem:
     description = model.description
     formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
     node = formulation.removesuffix(CONVEX)
-    name = model.name or plain(path).name.removesuffix(".json").removesuffix(".mof")
+    name = model.name or path.name.removesuffix(".json").removesuffix(".mof")
     # names in a file of cpbench are those of the parts of its own formulations
     names = () if description.startswith(MARK) else model.names
     return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}", names=names)

@@ -10,12 +10,12 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.qp import QP
-from cpbench.storage import two_sided
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
-from cpbench.storage.two_sided import infinite, require_order
+from cpbench_problems.formats import two_sided
 from cpbench_problems.formats.mps_sections import Reader
 from cpbench_problems.formats.program_text import ProgramText
+from cpbench_problems.formats.two_sided import infinite, require_order
 
 
 class MPS(Format):
@@ -25,7 +25,6 @@ class MPS(Format):
     name = "mps"
     summary = "MPS and QPS: linear and quadratic programs, without integers and sets"
     suffixes = (".mps", ".qps", ".sif")
-    text = True
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return path.suffix.lower() in self.suffixes

@@ -16,7 +16,7 @@ from typing import Any
 
 from cpbench.errors import FormatError
 from cpbench.foundation.plain_text import printable
-from cpbench.storage import text_lines
+from cpbench_problems.formats import text_lines
 from cpbench_problems.formats.program_text import REFUSED, ProgramText
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?\Z")

@@ -52,7 +52,6 @@ class SiconosText(Format):
     """
 
     suffixes = (".dat",)
-    text = True
 
     def __init__(
         self,

@@ -17,8 +17,8 @@ from cpbench.formulations.base import Problem
 from cpbench.formulations.lcp import LCP
 from cpbench.foundation.plain_text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench.storage.text_lines import lines, words
 from cpbench_problems.formats.text_lcp import vector_file
+from cpbench_problems.formats.text_lines import lines, words
 
 Key = TypeVar("Key")
 
@@ -33,7 +33,6 @@ class TextTriples(Format):
     name = "text-triples"
     summary = "LCP in one text file: lines 'row column value' of M and 'q row value'"
     suffixes = (".txt",)
-    text = True
 
     def recognises(self, path: Path, head: bytes) -> bool:
         partner = vector_file(path)

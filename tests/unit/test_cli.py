@@ -242,14 +242,14 @@ def test_pack(monkeypatch, tmp_path) -> None:
     M, q = np.array([[2.0, 1], [1, 2]]), np.array([-5.0, -6])
     np.save(tmp_path / "M.npy", M)
     np.savetxt(tmp_path / "q.csv", q)
-    assert cpbench(monkeypatch, "pack", tmp_path / "lcp.h5", "--lcp", tmp_path / "M.npy", tmp_path / "q.csv") == 0
+    assert cpbench(monkeypatch, "pack", tmp_path / "M.npy", tmp_path / "q.csv", "-o", tmp_path / "lcp.h5") == 0
     assert storage.load(tmp_path / "lcp.h5").fingerprint == LCP(M=M, q=q).fingerprint
 
     one, zero = np.eye(1), np.zeros(1)
     for name, value in {"A": one, "B": one, "C": one, "D": one, "a": zero, "b": zero}.items():
         np.save(tmp_path / f"{name}.npy", value)
     files = [tmp_path / f"{n}.npy" for n in "ABCDab"]
-    assert cpbench(monkeypatch, "pack", tmp_path / "mlcp.h5", "--mlcp", *files) == 0
+    assert cpbench(monkeypatch, "pack", *files, "-o", tmp_path / "mlcp.h5") == 0
     assert (
         storage.load(tmp_path / "mlcp.h5").fingerprint == MLCP(A=one, B=one, C=one, D=one, a=zero, b=zero).fingerprint
     )
@@ -258,8 +258,8 @@ def test_pack(monkeypatch, tmp_path) -> None:
     scipy.io.mmwrite(tmp_path / "W.mtx", sp.coo_array(W))
     np.save(tmp_path / "q3.npy", q3)
     np.save(tmp_path / "mu.npy", mu)
-    files = [tmp_path / "W.mtx", tmp_path / "q3.npy", tmp_path / "mu.npy"]
-    assert cpbench(monkeypatch, "pack", tmp_path / "fc.hdf5", "--fc", *files, "--axes", "TTN") == 0
+    files = [tmp_path / "W.mtx", f"q={tmp_path / 'q3.npy'}", tmp_path / "mu.npy"]
+    assert cpbench(monkeypatch, "pack", *files, "-o", tmp_path / "fc.hdf5", "--axes", "TTN") == 0
     packed = storage.load(tmp_path / "fc.hdf5")
     assert packed.q.tolist() == [3.0, 1.0, 2.0], "the normal comes first"
     assert packed.W.toarray().diagonal().tolist() == [3.0, 1.0, 2.0]
@@ -509,7 +509,7 @@ def test_outputs_are_environment_before_the_work(monkeypatch, capsys, lcp, tmp_p
             ["solve", "missing.h5", "-s", "lemke", "-o", path],
             ["convert", "missing.h5", path, "--to", "qp"],
             ["lift", "missing.h5", "-o", path],
-            ["pack", path, "--lcp", "missing.npy", "missing.npy"],
+            ["pack", "missing.npy", "-o", path],
             ["export", "missing.sqlite", "--answers", path],
         ):
             assert cpbench(monkeypatch, *words) == 2

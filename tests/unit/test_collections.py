@@ -15,7 +15,6 @@ from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.generators.collection import address_text
 from cpbench.storage.collections import added, manifests
 from cpbench.storage.collections.manifests import ListedFile, Manifest
-from cpbench.storage.dispatch import reading
 
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:0000\nsize 27172252\n"
 SUITED = {
@@ -205,8 +204,7 @@ def test_real_files_are_added_verified_and_read(name: str, shared_data: Path, tm
     done = cpbench(tmp_path, "collection", "verify")
     assert (done.returncode, done.stdout.count("\n")) == (0, 1)
     assert f"{len(one.files)} as the manifest has them" in done.stdout
-    chosen, _ = reading(one.reader.split(", ")[0])
-    assert chosen is not None
+    chosen = storage.formats.get(one.reader.split(", ")[0])
     place = located(f"collection/{name}/{SUITED[name]}", Path)
     problem = storage.load(place)
     assert problem.fingerprint == chosen.load(Path(place), "").fingerprint

@@ -133,11 +133,6 @@ def _save_contact(path: Path) -> None:
     cp.save(FrictionContact(W=M, q=Q, mu=np.array([0.4]), dimension=3), path)
 
 
-def _save_arrays(path: Path) -> None:
-    with h5py.File(path, "w") as file:
-        file["M"], file["q"] = M, Q
-
-
 def _save_npz(path: Path) -> None:
     np.savez_compressed(path, M=M, q=Q)
 
@@ -145,7 +140,6 @@ def _save_npz(path: Path) -> None:
 FILES: dict[str, tuple[Callable[[Path], None], int, set[str]]] = {
     "own.h5": (lambda path: cp.save(cp.LCP(M=M, q=Q), path), 100, {"OSError", "KeyError", "RuntimeError"}),
     "fclib.hdf5": (_save_contact, 100, {"OSError", "KeyError", "RuntimeError"}),
-    "arrays.h5": (_save_arrays, 100, {"OSError", "KeyError", "RuntimeError"}),
     "arrays.npz": (_save_npz, 60, {"BadZipFile", "error"}),
     "plain.mat": (_save_mat, 12, {"ValueError"}),
     "packed.mat": (_save_mat, 12, {"error"}),

@@ -27,7 +27,7 @@ from cpbench.cli import main, progress
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations import LCP
 from cpbench.report import row_files
-from cpbench.storage.trial import require_survivor
+from cpbench_problems.formats.trial import require_survivor
 
 ESC = "\x1b]0;owned\x07"
 

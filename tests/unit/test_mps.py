@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import random
 from pathlib import Path
 from typing import Any
@@ -137,21 +136,6 @@ def test_files_of_highs_have_its_optimum(seed: int, suffix: str, tmp_path: Path)
     solved = cp.solve(problem, tolerance=1e-9)
     assert solved, (solved.status, solved.message)
     assert objective(problem, solved.point.z) == pytest.approx(theirs, rel=1e-6, abs=1e-6)
-
-
-def test_a_file_packed_by_gzip_is_the_same(tmp_path: Path) -> None:
-    solver = solver_with(random_model(5))
-    for suffix in (".mps", ".lp"):
-        path = tmp_path / f"model{suffix}"
-        solver.writeModel(str(path))
-        packed = tmp_path / f"model{suffix}.gz"
-        packed.write_bytes(gzip.compress(path.read_bytes()))
-        assert storage.load(packed).fingerprint == storage.load(path).fingerprint
-        assert storage.load(packed).name == storage.load(path).name
-        assert str(packed) in storage.problem_files([tmp_path])
-        packed.write_bytes(gzip.compress(path.read_bytes())[:-9])
-        with pytest.raises(FormatError, match="is no whole gzip file"):
-            storage.load(packed)
 
 
 # ------------------------------------------------------------------------------------------ by hand
@@ -352,14 +336,6 @@ def test_random_damage_is_a_problem_or_one_line(suffix: str, tries: int, tmp_pat
         path.write_text(rearranged(whole, draw, (r"( )", r"(\n)", r"(\S)"), letters), encoding="latin-1")
         outcomes.add("refused" if read_or_refused(lambda: storage.load(path)) is None else "read")
     assert outcomes == {"read", "refused"}
-
-
-def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
-    """A gigabyte of blanks in a megabyte."""
-    bomb = gzip.compress(b" " * (1 << 27))
-    (tmp_path / "a.mps.gz").write_bytes(bomb)
-    with pytest.raises(FormatError, match="unpacks to more than"):
-        storage.load(tmp_path / "a.mps.gz")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])

@@ -127,7 +127,6 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "packed.npz": lambda path: np.savez_compressed(path, M=M, q=Q),
     "array.npy": lambda path: np.save(path, M),
     "arrays.mat": lambda path: scipy.io.savemat(path, {"M": M, "q": Q}),
-    "matrix.mtx": lambda path: scipy.io.mmwrite(path, sp.coo_array(M), symmetry="symmetric", precision=17),
     "program.mps": lambda path: path.write_text(MPS),
     "program.lp": lambda path: path.write_text(LP),
     "program.nl": _save(_program),
@@ -141,7 +140,7 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "results.sqlite": _results,
 }
 """How a file of each format is made, by its name."""
-TEXTS = ("matrix.mtx", "program.mps", "program.lp", "program.nl", "binary.nl", "model.gms", "model.mof.json",
+TEXTS = ("program.mps", "program.lp", "program.nl", "binary.nl", "model.gms", "model.mof.json",
          "siconos.dat", "case-M1.txt", "triples.txt", "plan.toml")  # fmt: skip
 """Files of which pieces of the text are moved as well."""
 NEEDS = {"plan.toml": ("cpbench_solvers",)}
@@ -157,7 +156,7 @@ def _content(path: Path) -> Any:
     if path.suffix == ".toml":
         plan = plan_file.read(path)
         return repr((plan.top, plan.sets))
-    if path.suffix in (".npy", ".mtx"):
+    if path.suffix == ".npy":
         value = read_array(path)
         return (value.toarray() if sp.issparse(value) else value).tobytes()
     return storage.load(path).fingerprint

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
-from command_line import cpbench as command
 from damage import read_or_refused
 from tiers import some_by_day
 
@@ -20,7 +19,7 @@ from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP, QP, ConeQP, FrictionContact, formulations
 from cpbench.foundation.product_cones import Cone
-from cpbench.storage import dialects
+from cpbench_problems.formats import array_forms
 
 Arrays = dict[str, Any]
 rng = np.random.default_rng(20261127)
@@ -72,34 +71,13 @@ def mat(folder: Path, arrays: Arrays) -> Path:
     return folder / "a.mat"
 
 
-def hdf5(folder: Path, arrays: Arrays) -> Path:
-    with h5py.File(folder / "a.h5", "w") as file:
-        for name, value in arrays.items():
-            file[name.replace(".", "/")] = value
-    return folder / "a.h5"
-
-
-def files(folder: Path, arrays: Arrays) -> Path:
-    """A folder with files of all three kinds, by turns."""
-    place = folder / "arrays"
-    place.mkdir()
-    for (name, value), kind in zip(arrays.items(), itertools.cycle(("npy", "csv", "mtx")), strict=False):
-        if kind == "npy":
-            np.save(place / f"{name}.npy", value)
-        elif kind == "csv":
-            np.savetxt(place / f"{name}.csv", value, fmt="%.17g", delimiter=",")
-        else:
-            scipy.io.mmwrite(place / f"{name}.mtx", np.atleast_2d(value), precision=17)
-    return place
-
-
-CONTAINERS: Mapping[str, Callable[[Path, Arrays], Path]] = {"npz": npz, "mat": mat, "h5": hdf5, "folder": files}
+CONTAINERS: Mapping[str, Callable[[Path, Arrays], Path]] = {"npz": npz, "mat": mat}
 CASES = [(form, container) for form in FORMS for container in CONTAINERS]
 
 
 def test_every_form_is_tested() -> None:
     """The forms of packages, and those of all formulations without maps; a relay has the arrays of an avi."""
-    assert {d.name for d in dialects.dialects()} == set(FORMS)
+    assert {d.name for d in array_forms.forms()} == set(FORMS)
     assert {name for name in formulations.names() if not formulations.get(name).has_maps()} - set(FORMS) == {"relay"}
 
 
@@ -193,15 +171,13 @@ def test_least_squares_are_read_where_they_are_named(container: str, tmp_path: P
     more = CONTAINERS[container](tmp_path / "more", {**system, "surplus": q})
     with pytest.raises(FormatError, match="surplus: is no array of the form least squares"):
         storage.load(more, format="least-squares")
-    with pytest.raises(FormatError, match="leave out --symmetric upper"):
-        storage.load(path, format="least-squares[symmetric=upper]")
 
 
 def test_bounds_by_other_names_are_refused_with_the_right_ones(tmp_path: Path) -> None:
     """These files were problems without bounds once: OSQP's l and u, and other names, beside qpsolvers' arrays."""
     program = {name: FORMS["qpsolvers"][name] for name in ("P", "q", "G", "h")}
     for lower, upper in (("l", "u"), ("lower", "upper"), ("xl", "xu"), ("lo", "hi")):
-        for number, write in enumerate((npz, mat, hdf5, files)):
+        for number, write in enumerate((npz, mat)):
             folder = tmp_path / f"{lower}-{number}"
             folder.mkdir()
             with pytest.raises(FormatError, match=r"the nearest is (lb, ub|ub, lb): rename or remove them"):
@@ -278,17 +254,6 @@ def test_lcp_names_are_an_lcp_and_bounds_make_it_an_avi(tmp_path: Path) -> None:
     assert storage.load(npz(tmp_path, FORMS["lcp"] | {"lb": lb, "ub": np.full(N, np.inf)})).node == "avi"
 
 
-def test_a_folder_with_a_second_file_of_one_array_is_refused(tmp_path: Path) -> None:
-    place = files(tmp_path, FORMS["lcp"])
-    assert storage.problem_files([tmp_path]) == [str(place)]
-    np.savetxt(place / "M.csv", P)
-    with pytest.raises(FormatError, match=r"M: is there twice, as M\.csv and M\.npy"):
-        storage.load(place)
-    (place / "M.csv").rename(place / "lb.txt")
-    with pytest.raises(FormatError, match=r"lb\.txt: has the name of an array and is not read"):
-        storage.load(place)
-
-
 def test_surplus_arrays_of_cpbench_s_own_files_are_refused(tmp_path: Path) -> None:
     """The native format and FCLIB's."""
     problems = (LCP(M=P, q=q), FrictionContact(W=W, q=-np.ones(6), mu=[0.3, 0.5]))
@@ -302,46 +267,9 @@ def test_surplus_arrays_of_cpbench_s_own_files_are_refused(tmp_path: Path) -> No
                 storage.load(path)
 
 
-@pytest.mark.parametrize("half", ["upper", "lower"])
-def test_half_stored_matrices_are_refused_or_completed(
-    half: str, tmp_path: Path, capsys: Any, monkeypatch: Any
-) -> None:
-    """By the reader, by the commands, and by pack; another triangle than the named one is refused."""
-    triangle, other = (np.triu, "lower") if half == "upper" else (np.tril, "upper")
-    arrays = FORMS["qpsolvers"] | {"P": triangle(P)}
-    whole = storage.load(npz(tmp_path, FORMS["qpsolvers"])).fingerprint
-    for number, write in enumerate((npz, mat, hdf5, files)):
-        (tmp_path / str(number)).mkdir()
-        path = write(tmp_path / str(number), arrays)
-        with pytest.raises(
-            FormatError, match=f"P: is not symmetric: the {other} triangle is empty; --symmetric {half}"
-        ):
-            storage.load(path)
-        assert storage.load(path, format=f"[symmetric={half}]").fingerprint == whole
-        with pytest.raises(FormatError, match=f"P: has an empty {other} triangle: --symmetric {half} completes it"):
-            storage.load(path, format=f"[symmetric={other}]")
-    np.save(tmp_path / "Q.npy", triangle(P))
-    np.save(tmp_path / "p.npy", q)
-    asked = ("--qp", "Q.npy", "p.npy")
-    refused = command(tmp_path, "pack", "x.h5", *asked)
-    assert refused.returncode == 2
-    assert f"the {other} triangle is empty; --symmetric {half} completes it" in refused.stderr
-    assert command(tmp_path, "pack", "x.h5", *asked, "--symmetric", half).returncode == 0
-    assert np.array_equal(storage.load(tmp_path / "x.h5").data()["Q"], P)
-    assert command(tmp_path, "convert", str(path), "y.h5", "--symmetric", half).returncode == 0
-    assert storage.load(tmp_path / "y.h5").fingerprint == whole
-    shown = command(tmp_path, "info", str(path), "--symmetric", half, "--no-facts")
-    assert f"fingerprint  {whole}" in shown.stdout
-    (tmp_path / "half.toml").write_text(f'problems = "{path}"\nformat = "[symmetric={half}]"\n')
-    planned = command(tmp_path, "run", "--plan", str(tmp_path / "half.toml"), "-s", "osqp", "--dry-run")
-    assert (planned.returncode, "1 pair" in planned.stdout) == (0, True), planned.stderr
-    assert "is of named arrays, the format" in command(tmp_path, "info", "x.h5", "--symmetric", half).stderr
-
-
-def test_a_whole_matrix_is_not_completed_twice(tmp_path: Path) -> None:
-    whole = npz(tmp_path, FORMS["qpsolvers"])
-    assert storage.load(whole, format="[symmetric=upper]").fingerprint == storage.load(whole).fingerprint
-    skew = P.copy()
-    skew[0, 1] += 1
-    with pytest.raises(FormatError, match="has entries in both triangles and is not symmetric"):
-        storage.load(npz(tmp_path, FORMS["qpsolvers"] | {"P": skew}), format="[symmetric=upper]")
+@pytest.mark.parametrize(("triangle", "empty"), [(np.triu, "lower"), (np.tril, "upper")])
+def test_half_stored_matrices_are_refused(triangle: Any, empty: str, tmp_path: Path) -> None:
+    """As OSQP, Clarabel and SCS take them; the line says what makes a whole one."""
+    for write in (npz, mat):
+        with pytest.raises(FormatError, match=f"P: is not symmetric: the {empty} triangle is empty; store P"):
+            storage.load(write(tmp_path, FORMS["qpsolvers"] | {"P": triangle(P)}))

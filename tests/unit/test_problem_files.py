@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command_line import cpbench
 from synthetic_results import results_file, row, table
@@ -39,13 +38,6 @@ def _two_texts(folder: Path) -> list[str]:
     return ["p-M.txt", "p-q.txt"]
 
 
-def _arrays(folder: Path) -> list[str]:
-    (folder / "p").mkdir()
-    np.save(folder / "p" / "M.npy", np.array(M))
-    np.save(folder / "p" / "q.npy", np.array(Q))
-    return ["p", "p/M.npy", "p/q.npy"]
-
-
 def _ran(folder: Path, address: str) -> None:
     with Store(folder / "r.sqlite", create=True) as store:
         store.set_meta(files=problem_files.digests({address: None}))
@@ -56,7 +48,7 @@ def _changed(results: Path) -> list[str]:
         return problem_files.changed(store)
 
 
-@pytest.mark.parametrize("write", [_h5, _two_texts, _arrays])
+@pytest.mark.parametrize("write", [_h5, _two_texts])
 def test_a_change_of_any_file_of_a_problem_is_named(
     write: Callable[[Path], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -110,21 +110,3 @@ def test_a_damaged_file_does_not_keep_back_the_others(run: Run, tmp_path: Path) 
 def test_a_matrix_by_itself_gets_the_command_to_make_a_problem(run: Run, tmp_path: Path) -> None:
     np.save(tmp_path / "W.npy", np.eye(3))
     assert "cpbench pack makes one" in run("info", "W.npy")[2]
-
-
-@pytest.mark.parametrize(
-    ("W", "mu", "told"),
-    [
-        (np.eye(3), 0.8, ""),
-        (np.eye(3), 60.0, "remark: mu is above 3 at 1 contact, 60 at contact 0"),
-        (-np.eye(3), 0.5, "remark: W has a negative trace at 1 contact"),
-        (np.eye(3) + np.triu(np.full((3, 3), 0.1), 1), 0.5, "remark: W is not symmetric"),
-    ],
-)
-def test_pack_remarks_on_what_may_be_a_mistake(run: Run, tmp_path: Path, W: np.ndarray, mu: float, told: str) -> None:
-    for name, value in {"W": W, "q": np.array([-1.0, 0.5, 0.0]), "mu": np.array([mu])}.items():
-        np.save(tmp_path / f"{name}.npy", value)
-    code, _, err = run("pack", "out.h5", "--fc", "W.npy", "q.npy", "mu.npy")
-    assert code == 0
-    assert err.startswith(told)
-    assert err.count("remark") == bool(told)

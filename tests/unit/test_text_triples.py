@@ -10,8 +10,6 @@ import pytest
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.foundation import matrices
-from cpbench.storage.arrays import read_matrix
-from cpbench.storage.packing.pack import problem_from_files
 
 DRAW = np.random.default_rng(340)
 M = np.where(DRAW.random((5, 5)) < 0.5, np.round(DRAW.normal(size=(5, 5)), 3), 0.0) + 3.0 * np.eye(5)
@@ -74,18 +72,3 @@ def test_another_line_is_refused(tmp_path: Path, text: str) -> None:
 def test_three_columns_of_something_else_are_no_problem_of_a_folder(tmp_path: Path) -> None:
     (tmp_path / "faces.txt").write_text("0 1 2\n2 1 3\n")
     assert storage.problem_files([tmp_path]) == []
-
-
-def test_a_matrix_alone_gets_the_command_to_matrix_market(tmp_path: Path) -> None:
-    """The lines that the message names make the file readable."""
-    own, _ = lines(0)
-    file, vector = tmp_path / "M.txt", tmp_path / "q.txt"
-    file.write_text("\n".join(own))
-    np.savetxt(vector, Q)
-    with pytest.raises(FormatError, match="must be square") as refusal:
-        problem_from_files("lcp", {"M": file, "q": vector}, None, "x")
-    first, sizes = str(refusal.value).split("'")[1::2]
-    assert "1 added to each row and column" in str(refusal.value)
-    market = tmp_path / "M.mtx"
-    market.write_text("\n".join([first, sizes, *lines(1, " ")[0]]))
-    assert np.array_equal(matrices.dense(read_matrix(market)), M)

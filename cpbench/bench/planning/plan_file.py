@@ -36,8 +36,8 @@ from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.external import declared
+from cpbench.storage.base import formats
 from cpbench.storage.collections import PREFIX
-from cpbench.storage.dispatch import reading
 from cpbench.verification import CONTRADICTION, Status
 
 NAME, PROJECT = "cpbench.toml", "pyproject.toml"
@@ -263,7 +263,7 @@ def _starts(value: Any) -> tuple[str, ...]:
 
 
 def _format(value: Any) -> str:
-    reading(_text(value))
+    formats.get(_text(value))
     return value
 
 

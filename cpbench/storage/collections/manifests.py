@@ -2,7 +2,7 @@
 
     title = "Convex quadratic programs of Maros and Mészáros"
     formulation = "qp"              # what its files become when they are read
-    reader = "qp-mat"               # a name of `cpbench list formats`; "" where cpbench reads none of its files
+    reader = "arrays"               # a name of `cpbench list formats`; "" where cpbench reads none of its files
     source = "https://github.com/..."
     commit = "0cae37f4..."          # "" where the set has none
     folder = "data"                 # of the files in the source

@@ -12,99 +12,103 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations import AVI, QP, ConeQP, FrictionContact
+from cpbench.formulations import AVI, LCP, QP, ConeQP, FrictionContact
 from cpbench.formulations.applications.boxed import boxed_problem
+from cpbench.formulations.applications.game import game_problem
 from cpbench.formulations.applications.least_squares import least_squares_problem
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation import matrices, plurals
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.storage import dialects
-from cpbench.storage.arrays import sparse_from_parts
+from cpbench.storage.arrays import SPARSE, sparse_from_parts
 from cpbench.storage.base import build, stem
-from cpbench.storage.dialects import Dialect
-from cpbench.storage.half_stored import whole
-from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, counted, require_shapes, shapes_of
 from cpbench.storage.program_properties import OFFSET
-from cpbench.storage.two_sided import INFINITE, infinite, rows_and_bounds
+from cpbench_problems.formats import array_forms
+from cpbench_problems.formats.array_forms import Form
+from cpbench_problems.formats.named_arrays import (
+    NamedArrays,
+    Shape,
+    absent,
+    counted,
+    require_shapes,
+    require_whole,
+    shapes_of,
+)
+from cpbench_problems.formats.two_sided import INFINITE, infinite, rows_and_bounds
 
 FORM = "form"
 """Property of a problem that says in which form its arrays were."""
 
 
-def choose(path: Path, shapes: Mapping[str, Shape | None], only: Dialect | None = None) -> tuple[Dialect, str]:
+def choose(path: Path, shapes: Mapping[str, Shape | None], only: Form | None = None) -> tuple[Form, str]:
     """Return the form of arrays of these names, and a text that says so.
 
     `only` is the form that was asked for. Raises FormatError with each array that is too many or missing.
     """
     if len(shapes.keys() - {"format"} - set(SPARSE)) <= (not shapes.keys() >= set(SPARSE)):
         raise FormatError(path, "", "holds one matrix or vector: cpbench pack makes a problem of several files")
-    fits = dialects.fitting(shapes) if only is None else [only]
+    fits = array_forms.fitting(shapes) if only is None else [only]
     if len(fits) > 1 and {d.node for d in fits[:2]} == {"fc", "afc"}:  # mu alone tells them apart
         mu = shapes["mu"] or ()
         elliptic = len(mu) == 2 and mu[1] == 2 and mu[0] > 1
         fits = [d for d in fits if (d.node == "afc") == elliptic]
-    dialect = fits[0] if fits else dialects.nearest(shapes)
-    there = [name for name in dialect.known() if name in shapes]
-    dropped = absent(dialect, shapes)
-    squares = dialects.LEAST_SQUARES
+    form = fits[0] if fits else array_forms.nearest(shapes)
+    there = [name for name in form.known() if name in shapes]
+    dropped = absent(form, shapes)
+    squares = array_forms.LEAST_SQUARES
     if only is None and squares.needs <= shapes.keys() <= {*squares.arrays, "format"}:
         raise FormatError(path, "", "holds a matrix A and b alone: --format least-squares makes min ½‖Ax − b‖² of them")
-    if (wrong := dialects.refusal(dialect, shapes.keys() - dropped)) is not None:
+    if (wrong := array_forms.refusal(form, shapes.keys() - dropped)) is not None:
         raise FormatError(path, *wrong)
-    text = f"{dialect.name} ({', '.join(name for name in there if name in dialect.arrays)})"
+    text = f"{form.name} ({', '.join(name for name in there if name in form.arrays)})"
     if others := [d.name for d in fits[1:]]:
         text += f", which {' and '.join(others)} would fit too"
     for name in there:
-        if name in dialect.aside:
-            text += f"; {name}, {dialect.aside[name]}, is no part of it"
-    return dialect, text
+        if name in form.aside:
+            text += f"; {name}, {form.aside[name]}, is no part of it"
+    return form, text
 
 
-def problem(arrays: NamedArrays, dialect: Dialect, form: str, name: str = "") -> Problem:
-    """Return the problem that arrays make in a form; raises FormatError with the array that does not fit."""
-    dropped = absent(dialect, shapes_of(arrays.values))
-    values = {name: value for name, value in arrays.values.items() if name not in dropped}
-    arrays = dataclasses.replace(arrays, values=values)
-    require_shapes(arrays.path, dialect, shapes_of(values))
-    make = _MAKERS.get(dialect.name, _own)
-    cls, parts, properties = make(arrays, dialect)
+def build_problem(path: Path, values: Mapping[str, Any], form: Form, text: str, name: str = "") -> Problem:
+    """Return the problem that arrays make in a form, with the `text` of `choose`; raises FormatError with the array
+    that does not fit."""
+    dropped = absent(form, shapes_of(values))
+    arrays = NamedArrays(path, {name: value for name, value in values.items() if name not in dropped})
+    require_shapes(path, form, shapes_of(arrays.values))
+    make = _MAKERS.get(form.name, _own)
+    cls, parts, properties = make(arrays, form)
     known: Info = parts.pop("info", Info())
-    info = dataclasses.replace(known, properties={**known.properties, **properties, FORM: form})
-    return build(arrays.path, cls, "", name=name or stem(arrays.path), info=info, **parts)
+    info = dataclasses.replace(known, properties={**known.properties, **properties, FORM: text})
+    return build(path, cls, "", name=name or stem(path), info=info, **parts)
 
 
 Made = tuple[type[Problem], dict[str, Any], dict[str, Any]]
 """A formulation, its data, and properties to remember."""
 
 
-def _own(arrays: NamedArrays, dialect: Dialect) -> Made:
-    cls = formulations.get(dialect.node)
+def _own(arrays: NamedArrays, form: Form) -> Made:
+    cls = formulations.get(form.node)
     parts: dict[str, Any] = {}
-    for name, symbols in dialect.arrays.items():
+    for name, symbols in form.arrays.items():
         if name not in arrays:
             continue
         if len(symbols) == 2:
-            square = symbols[0] == symbols[1]
-            value = arrays.matrix(name)
             # Q is the one matrix that formulations require to be symmetric
-            parts[name] = whole(arrays.path, name, value, arrays.half, symmetric=name == "Q") if square else value
+            parts[name] = arrays.symmetric(name) if name == "Q" else arrays.matrix(name)
         else:
             parts[name] = arrays.vector(name) if symbols else int(arrays.number(name, 0))
     if issubclass(cls, ContactProblem) and "dimension" not in parts and len(parts["mu"]):
-        parts["dimension"] = _dimension(arrays, dialect, cls, parts)
+        parts["dimension"] = _dimension(arrays, form, cls, parts)
     return cls, _whole_qp(parts) if cls is QP else parts, {}
 
 
-def _dimension(arrays: NamedArrays, dialect: Dialect, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
+def _dimension(arrays: NamedArrays, form: Form, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
     """Return the rows of a contact; raises FormatError where there is no whole number of them."""
-    (symbol,) = dialect.arrays[cls.rows_of]
+    (symbol,) = form.arrays[cls.rows_of]
     # the vector itself may be left out, where it is zero
     rows = next(
-        value.shape[dialect.arrays[name].index(symbol)]
-        for name, value in parts.items()
-        if symbol in dialect.arrays[name]
+        value.shape[form.arrays[name].index(symbol)] for name, value in parts.items() if symbol in form.arrays[name]
     )
     nc = len(parts["mu"])
     if rows % nc:
@@ -123,9 +127,9 @@ def _whole_qp(parts: dict[str, Any]) -> dict[str, Any]:
     return {**absent, "lb": np.full(n, -np.inf), "ub": np.full(n, np.inf), **parts}
 
 
-def _below(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _below(arrays: NamedArrays, form: Form) -> Made:
     """Rows below a side and rows of an equation: qpsolvers, quadprog, cvxopt."""
-    Q, p, G, h, C, d = list(dialect.arrays)[:6]
+    Q, p, G, h, C, d = list(form.arrays)[:6]
     vector = arrays.vector(p)
     n = vector.size
     side = infinite(arrays.vector(h))
@@ -150,7 +154,7 @@ def _left_out(count: int) -> dict[str, Any]:
     )
 
 
-def _cvxopt(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _cvxopt(arrays: NamedArrays, form: Form) -> Made:
     """Cones of orthants and of second order make a conic program, whose equations are rows of {0}."""
     if "dims.s" in arrays and arrays.vector("dims.s").any():
         raise arrays.error("dims.s", "is a cone of positive semidefinite matrices, which no formulation has")
@@ -160,7 +164,7 @@ def _cvxopt(arrays: NamedArrays, dialect: Dialect) -> Made:
     if half < 0 or half != int(half) or half + sizes.sum() != rows:
         raise arrays.error("dims.l", f"is {half:g}, with {sizes.sum():g} rows in dims.q, expected {rows} as h has")
     if not sizes.size:
-        return _below(arrays, dialect)
+        return _below(arrays, form)
     n = arrays.vector("q").size
     A, b = matrices.sparse(arrays.matrix("A", n)), arrays.vector("b")
     G = matrices.sparse(arrays.matrix("G", n))
@@ -174,7 +178,7 @@ def _cvxopt(arrays: NamedArrays, dialect: Dialect) -> Made:
     return ConeQP, {**parts, **cone_fields(ProductCone.of(*(f for f in factors if f[2])))}, {}
 
 
-def _osqp(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _osqp(arrays: NamedArrays, form: Form) -> Made:
     """Rows between two sides; the constant r changes no solution and is remembered."""
     A = sp.csr_array(arrays.matrix("A"))
     for name, size in (("n", A.shape[1]), ("m", A.shape[0])):
@@ -188,28 +192,27 @@ def _osqp(arrays: NamedArrays, dialect: Dialect) -> Made:
     return QP, {"Q": sp.csr_array(arrays.symmetric("P")), "p": arrays.vector("q"), **rows}, properties
 
 
-def _box(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _box(arrays: NamedArrays, form: Form) -> Made:
     """Bounds alone, and a Hessian by rows."""
     parts = {key: arrays.values[key] for key in ("data", "indices", "indptr", "shape")}
-    Q = whole(arrays.path, "data", sparse_from_parts(arrays.path, "", counted(parts)), arrays.half)
+    Q = require_whole(arrays.path, "data", sparse_from_parts(arrays.path, "", counted(parts)))
     bounds = {"lb": infinite(arrays.vector("l")), "ub": infinite(arrays.vector("u"))}
     return QP, _whole_qp({"Q": Q, "p": arrays.vector("q"), **bounds}), {}
 
 
-def _contactbench(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _contactbench(arrays: NamedArrays, form: Form) -> Made:
     """Rows (T1, T2, N) of each contact become (N, T1, T2): W = PGPᵀ, q = Pg."""
     G, g, mu = arrays.matrix("G"), arrays.vector("g"), arrays.vector("mus")
     if G.shape != (3 * mu.size, 3 * mu.size):
         text = f"has shape {G.shape} and g {g.size} numbers, expected {3 * mu.size} (3 for each of {mu.size} contacts)"
         raise arrays.error("G", text)
     order = (np.arange(g.size).reshape(-1, 3)[:, [2, 0, 1]]).reshape(-1)
-    W = whole(arrays.path, "G", G, arrays.half, symmetric=False)
-    return FrictionContact, {"W": W[order][:, order], "q": g[order], "mu": mu}, {}
+    return FrictionContact, {"W": G[order][:, order], "q": g[order], "mu": mu}, {}
 
 
-def _boxed(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _boxed(arrays: NamedArrays, form: Form) -> Made:
     """Return the AVI that `applications.boxed` makes."""
-    A = whole(arrays.path, "A", arrays.matrix("A"), arrays.half)
+    A = arrays.matrix("A")
     findex = arrays.vector("findex", arrays.vector("b").size, -1.0)
     try:
         made = boxed_problem(
@@ -220,10 +223,8 @@ def _boxed(arrays: NamedArrays, dialect: Dialect) -> Made:
     return AVI, {name: getattr(made, name) for name in ("M", "q", "lb", "ub", "info")}, {}
 
 
-def _least_squares(arrays: NamedArrays, dialect: Dialect) -> Made:
+def _least_squares(arrays: NamedArrays, form: Form) -> Made:
     """Return the QP that `applications.least_squares` makes."""
-    if arrays.half is not None:
-        raise arrays.error("A", f"is no symmetric matrix: leave out --symmetric {arrays.half}")
     lb, ub = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
     try:
         made = least_squares_problem(arrays.matrix("A"), arrays.vector("b"), lb, ub)
@@ -232,13 +233,23 @@ def _least_squares(arrays: NamedArrays, dialect: Dialect) -> Made:
     return QP, {**made.data(), "info": made.info}, {}
 
 
-_MAKERS: Mapping[str, Callable[[NamedArrays, Dialect], Made]] = {
-    dialects.QPSOLVERS.name: _below,
-    dialects.QUADPROG.name: _below,
-    dialects.CVXOPT.name: _cvxopt,
-    dialects.OSQP.name: _osqp,
-    dialects.BOX.name: _box,
-    dialects.CONTACTBENCH.name: _contactbench,
-    dialects.BOXED.name: _boxed,
-    dialects.LEAST_SQUARES.name: _least_squares,
+def _game(arrays: NamedArrays, form: Form) -> Made:
+    """Return the LCP that `applications.game` makes."""
+    try:
+        made = game_problem(arrays.matrix("A"), arrays.matrix("B"))
+    except ProblemError as cause:
+        raise arrays.error(cause.field.rpartition(".")[2], cause.cause) from None
+    return LCP, {**made.data(), "info": made.info}, {}
+
+
+_MAKERS: Mapping[str, Callable[[NamedArrays, Form], Made]] = {
+    array_forms.QPSOLVERS.name: _below,
+    array_forms.QUADPROG.name: _below,
+    array_forms.CVXOPT.name: _cvxopt,
+    array_forms.OSQP.name: _osqp,
+    array_forms.BOX.name: _box,
+    array_forms.CONTACTBENCH.name: _contactbench,
+    array_forms.BOXED.name: _boxed,
+    array_forms.LEAST_SQUARES.name: _least_squares,
+    array_forms.GAME.name: _game,
 }

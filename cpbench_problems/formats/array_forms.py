@@ -18,13 +18,14 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache, cached_property
 
+from cpbench.errors import UnknownName
 from cpbench.formulations.base import Problem, formulations
 
 Symbols = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Dialect:
+class Form:
     """A form: the arrays that it has, and the formulation that they make.
 
     Attributes
@@ -69,10 +70,10 @@ class Dialect:
         return sorted(set(names) - set(self.known()))
 
 
-def _program(name: str, needs: str, arrays: str, aside: Mapping[str, str], node: str = "qp") -> Dialect:
+def _program(name: str, needs: str, arrays: str, aside: Mapping[str, str], node: str = "qp") -> Form:
     """Return a form from a text such as `P n n, q n`."""
     split = [part.split() for part in arrays.split(",")]
-    return Dialect(name, node, {word[0]: tuple(word[1:]) for word in split}, frozenset(needs.split()), aside)
+    return Form(name, node, {word[0]: tuple(word[1:]) for word in split}, frozenset(needs.split()), aside)
 
 
 _START = "a starting point"
@@ -90,6 +91,8 @@ CONTACTBENCH = _program("ContactBench", "G g mus", "G m m, g m, mus nc", {"lam0"
 BOXED = _program("boxed LCP", "A b lo hi", "A n n, b n, lo n, hi n, findex n", {}, "avi")
 LEAST_SQUARES = _program("least squares", "A b", "A m n, b m, lb n, ub n", {"x0": _START})
 """min ½‖Ax − b‖², lb ≤ x ≤ ub: never chosen by its names, which a system Ax = b has too."""
+GAME = _program("game", "A B", "A m n, B m n", {}, "lcp")
+"""A bimatrix game, payoffs of the row and of the column player: never chosen by its names either."""
 FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH, BOXED)
 
 _CONTAINED = {"relay": "avi"}
@@ -98,44 +101,56 @@ _ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 @cache
-def own(cls: type[Problem]) -> Dialect:
+def own(cls: type[Problem]) -> Form:
     """Return the form whose names are the fields of a formulation; its `build`, where it has one, says which may be
     left out."""
     declared = {f.name: f.metadata["shape"] for f in fields(cls) if "shape" in f.metadata}
     plain = [f.name for f in fields(cls) if f.name not in _ANNOTATIONS and f.name not in declared]
     parameters = inspect.signature(getattr(cls, "build", cls)).parameters
     needs = frozenset(name for name in declared if parameters[name].default is inspect.Parameter.empty)
-    return Dialect(cls.node, cls.node, {**declared, **dict.fromkeys(plain, ())}, needs, own=True)
+    return Form(cls.node, cls.node, {**declared, **dict.fromkeys(plain, ())}, needs, own=True)
 
 
-def dialects() -> list[Dialect]:
+def forms() -> list[Form]:
     """Return all forms: those of packages, then those of the formulations without nonlinear maps."""
     names = sorted((name for name in formulations.names() if name not in _CONTAINED), key=len)
     classes = map(formulations.get, names)
     return [*FOREIGN, *(own(cls) for cls in classes if not cls.has_maps())]
 
 
-def fitting(names: Collection[str]) -> list[Dialect]:
+def named(text: str) -> Form:
+    """Return the form of a name, in small letters and with hyphens for blanks; raises UnknownName.
+
+    >>> named("boxed-lcp").arrays["findex"], named("qp").own
+    (('n',), True)
+    """
+    known = {form.name.casefold().replace(" ", "-"): form for form in (*forms(), LEAST_SQUARES, GAME)}
+    if text.casefold() not in known:
+        raise UnknownName("form", text, known)
+    return known[text.casefold()]
+
+
+def fitting(names: Collection[str]) -> list[Form]:
     """Return the forms that have all of `names` and need no other; first the one with the fewest arrays more."""
-    fits = [d for d in dialects() if d.needs <= set(names) and not d.unknown(names)]
+    fits = [d for d in forms() if d.needs <= set(names) and not d.unknown(names)]
     return sorted(fits, key=lambda d: len(set(d.arrays) - set(names)))
 
 
 def has_needs(names: Collection[str]) -> bool:
     """Return whether some form has all that it needs among the names."""
-    return any(d.needs <= set(names) for d in dialects())
+    return any(d.needs <= set(names) for d in forms())
 
 
-def nearest(names: Collection[str]) -> Dialect:
+def nearest(names: Collection[str]) -> Form:
     """Return the form of which the fewest names are missing or unknown; of several that with names like the unknown."""
 
-    def distance(d: Dialect) -> tuple[int, int, int]:
+    def distance(d: Form) -> tuple[int, int, int]:
         unknown = d.unknown(names)
         free = d.arrays.keys() - set(names)
         hints = sum(bool(alike(name, free)) for name in unknown)
         return len(d.needs - set(names)) + len(unknown), -hints, len(d.arrays)
 
-    return min(dialects(), key=distance)
+    return min(forms(), key=distance)
 
 
 _EQUAL = (
@@ -160,26 +175,26 @@ def alike(name: str, known: Collection[str]) -> str:
     return letters[near[0]] if near else ""
 
 
-def refusal(dialect: Dialect, names: Collection[str]) -> tuple[str, str] | None:
+def refusal(form: Form, names: Collection[str]) -> tuple[str, str] | None:
     """Return the name of an array that is too many or missing in a form, and why nothing is read; None where all fit.
 
     >>> refusal(QPSOLVERS, ["P", "q", "l"])
     ('l', 'is no array of the form qpsolvers (P, q, G, h, A, b, lb, ub), the nearest is lb: rename or remove it')
     """
-    unknown, missing = dialect.unknown(names), list(dialect.missing(names))
-    form = f"the form {dialect.name} ({', '.join(dialect.arrays)})"
+    unknown, missing = form.unknown(names), list(form.missing(names))
+    described = f"the form {form.name} ({', '.join(form.arrays)})"
     absent = ", ".join(f"{name} (beside {partner})" if partner else name for name, partner in missing)
     if unknown:
-        free = [name for name in dialect.arrays if name not in names]
-        near = (alike(name, free) or alike(name, dialect.arrays) for name in unknown)
+        free = [name for name in form.arrays if name not in names]
+        near = (alike(name, free) or alike(name, form.arrays) for name in unknown)
         hints = ", ".join(dict.fromkeys(filter(None, near)))
         verb, them = ("is no array", "it") if len(unknown) == 1 else ("are no arrays", "them")
         cause = (
-            f"{verb} of {form}"
+            f"{verb} of {described}"
             + (f", the nearest is {hints}" if hints else "")
             + (f"; {absent} missing" if absent else "")
         )
         return ", ".join(unknown), f"{cause}: rename or remove {them}"
     if missing:
-        return missing[0][0], f"is missing{' beside ' + missing[0][1] if missing[0][1] else ''}, expected {form}"
+        return missing[0][0], f"is missing{' beside ' + missing[0][1] if missing[0][1] else ''}, expected {described}"
     return None

@@ -1,4 +1,4 @@
-"""The arrays of a file by name, and their shapes compared with a form before and after they are read."""
+"""The arrays of a problem by name, and their shapes compared with a form before and after they are read."""
 
 from __future__ import annotations
 
@@ -8,26 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.errors import FormatError
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.storage.arrays import sparse_from_parts
-from cpbench.storage.dialects import Dialect, Symbols
-from cpbench.storage.half_stored import Half, whole
+from cpbench.storage.arrays import SPARSE, sparse_from_parts
+from cpbench_problems.formats.array_forms import Form, Symbols
 
-SPARSE = ("data", "indices", "indptr", "shape")
-"""Parts of a sparse matrix NAME: NAME.data, NAME.indices, NAME.indptr, NAME.shape."""
 Shape = tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class NamedArrays:
-    """Arrays of a file or folder: `values` by name; `half` is what `--symmetric` says of its matrices."""
+    """Arrays of a file, or of several, by name."""
 
     path: Path
     values: Mapping[str, Any]
-    half: Half | None = None
 
     def __contains__(self, name: str) -> bool:
         return name in self.values
@@ -42,8 +39,8 @@ class NamedArrays:
         return value.astype(np.float64)
 
     def symmetric(self, name: str) -> Matrix:
-        """Return the matrix `name`, which has to be symmetric; raises FormatError where it is one half."""
-        return whole(self.path, name, self.matrix(name), self.half)
+        """Return the matrix `name`, which has to be symmetric; raises FormatError where it is one triangle."""
+        return require_whole(self.path, name, self.matrix(name))
 
     def vector(self, name: str, size: int = 0, fill: float = 0.0) -> Vector:
         """Return the vector `name`, which may be a row or a column; when absent, `size` times `fill`.
@@ -70,6 +67,20 @@ class NamedArrays:
         return FormatError(self.path, name, cause)
 
 
+def require_whole(path: Path, name: str, M: Any) -> Any:
+    """Return a matrix that has to be symmetric; raises FormatError where one triangle is empty, as OSQP, Clarabel and
+    SCS take it, and the other is not."""
+    if M.shape[0] == M.shape[1]:
+        entries = sp.coo_array(M)
+        entries.eliminate_zeros()
+        above, below = bool((entries.row < entries.col).any()), bool((entries.row > entries.col).any())
+        if above != below:
+            empty = "lower" if above else "upper"
+            text = f"is not symmetric: the {empty} triangle is empty; store {name} + {name}.T - diag(diag({name}))"
+            raise FormatError(path, name, text)
+    return M
+
+
 def _held(value: Any) -> str:
     return f"holds {value.dtype} of shape {value.shape}"
 
@@ -93,16 +104,26 @@ def counted(parts: Mapping[str, Any]) -> dict[str, Any]:
     return {part: array if part == "data" else whole(np.asarray(array)) for part, array in parts.items()}
 
 
+def joined_shapes(shapes: Mapping[str, Shape]) -> dict[str, Shape | None]:
+    """Return the shapes with the parts of each sparse matrix as one matrix, whose shape is not known."""
+    result: dict[str, Shape | None] = dict(shapes)
+    for name in sparse_names(shapes):
+        for part in SPARSE:
+            del result[f"{name}.{part}"]
+        result[name] = None
+    return result
+
+
 def sparse_names(names: Collection[str]) -> list[str]:
     """Return the names of sparse matrices whose parts are all there."""
     stems = [name.removesuffix(".data") for name in names if name.endswith(".data")]
     return [stem for stem in stems if all(f"{stem}.{part}" in names for part in SPARSE)]
 
 
-def require_shapes(path: Path, dialect: Dialect, shapes: Mapping[str, Shape | None]) -> None:
+def require_shapes(path: Path, form: Form, shapes: Mapping[str, Shape | None]) -> None:
     """Raise FormatError where the shapes of arrays do not agree with each other as the form says."""
     known: dict[str, tuple[int, str]] = {}
-    for name, symbols, shape in sorted(_declared(dialect, shapes), key=lambda item: len(item[1])):
+    for name, symbols, shape in sorted(_declared(form, shapes), key=lambda item: len(item[1])):
         free = [symbol for symbol in symbols if not symbol[0].isdigit()]
         if len(free) == 2 and free[0] == free[1] and shape[0] != shape[1] and free[0] not in known:
             raise FormatError(path, name, f"is {_shown(shape)}, expected a square matrix")
@@ -121,11 +142,11 @@ def require_shapes(path: Path, dialect: Dialect, shapes: Mapping[str, Shape | No
             known.setdefault(symbol, (size, name))
 
 
-def _declared(dialect: Dialect, shapes: Mapping[str, Shape | None]) -> Iterator[tuple[str, Symbols, Shape]]:
+def _declared(form: Form, shapes: Mapping[str, Shape | None]) -> Iterator[tuple[str, Symbols, Shape]]:
     """Yield each array with the dimensions of the form and its shape, vectors flat; leave out what has another rank,
     which is refused when it is taken."""
-    dropped = absent(dialect, shapes)
-    for name, symbols in dialect.arrays.items():
+    dropped = absent(form, shapes)
+    for name, symbols in form.arrays.items():
         shape = shapes.get(name)
         if shape is None or not symbols or name in dropped:
             continue
@@ -150,7 +171,7 @@ def _shown(shape: Shape) -> str:
     return "x".join(map(str, shape)) if len(shape) == 2 else f"{shape[0]} numbers"
 
 
-def absent(dialect: Dialect, shapes: Mapping[str, Shape | None]) -> set[str]:
+def absent(form: Form, shapes: Mapping[str, Shape | None]) -> set[str]:
     """Return the arrays without numbers, as MATLAB's [], that stand for parts that are not there: with all that belong
     together."""
 
@@ -160,10 +181,8 @@ def absent(dialect: Dialect, shapes: Mapping[str, Shape | None]) -> set[str]:
 
     return {
         name
-        for name in (shapes.keys() & set(dialect.known())) - dialect.needs
-        if all(
-            empty(n) for n in {name, *(n for group in dialect.groups if name in group for n in group)} & shapes.keys()
-        )
+        for name in (shapes.keys() & set(form.known())) - form.needs
+        if all(empty(n) for n in {name, *(n for group in form.groups if name in group for n in group)} & shapes.keys())
     }
 
 

@@ -1,0 +1,185 @@
+"""Problems as named arrays in .npz and MATLAB's .mat, in all forms of `array_forms`, and the .npz of qpsolvers, which
+is written too.
+
+Each container first gives the names and shapes of its arrays, so that a file that does not fit is refused before its
+numbers are read.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.errors import FormatError
+from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
+from cpbench.storage.arrays import first_line, npz_shapes, read_npz
+from cpbench.storage.base import Format, formats, no_member, read_head
+from cpbench_problems.formats import array_forms, array_problems
+from cpbench_problems.formats.array_forms import Form
+from cpbench_problems.formats.named_arrays import Shape, joined, joined_shapes, require_shapes, shapes_of
+from cpbench_problems.formats.trial import require_survivor
+
+_LARGEST_DENSE = 50_000_000
+_SECONDS = 20.0
+"""Processor time for a .mat: a damaged struct can declare more fields than SciPy ends with."""
+
+
+class ArrayFile(Format):
+    """Named arrays in a file; `form` is the one that they must have, None for that of their names."""
+
+    suffixes = (".npz", ".mat")
+    form: ClassVar[Form | None] = None
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return False  # by its name alone: `arrays` chooses
+
+    def load(self, path: Path, member: str) -> Problem:
+        no_member(path, member)
+        entries = _headers(path)
+        form, _ = array_problems.choose(path, entries, self.form)
+        require_shapes(path, form, entries)  # before the numbers are read
+        values = _values(path, form.known())
+        return array_problems.build_problem(path, values, *array_problems.choose(path, shapes_of(values), self.form))
+
+
+class Arrays(ArrayFile):
+    """The form is chosen by the set of names."""
+
+    name = "arrays"
+    summary = "named arrays in .npz or .mat: of cpbench's formulations or a package"
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return head.startswith(b"PK") if path.suffix.lower() == ".npz" else path.suffix.lower() == ".mat"
+
+    def in_folder(self, path: Path, head: bytes) -> bool:
+        """Return whether to list the file; a .npz without all that some form needs is a matrix, or an answer."""
+        if path.suffix.lower() != ".npz" or not self.recognises(path, head):
+            return self.recognises(path, head)
+        try:
+            return array_forms.has_needs(npz_shapes(path))
+        except FormatError:
+            return False
+
+
+class QPNpz(ArrayFile):
+    """The dense .npz of qpsolvers; what is absent is written as no rows and infinite bounds."""
+
+    name = "qp-npz"
+    summary = "QP in NumPy's .npz (P, q, G, h, A, b, lb, ub), qpsolvers"
+    suffixes = (".npz",)
+    writes = frozenset({"qp"})
+    form = array_forms.QPSOLVERS
+
+    def encode(self, problem: Any, *, compress: bool) -> bytes:
+        n = problem.p.size
+        size = n * (n + problem.b.size + problem.d.size)
+        if size > _LARGEST_DENSE:
+            raise FormatError(problem.name or "qp", "", f"is too large for a dense .npz ({size} numbers): use .h5")
+        stream = io.BytesIO()
+        put = np.savez_compressed if compress else np.savez
+        put(
+            stream,
+            P=matrices.dense(problem.Q),
+            q=problem.p,
+            G=-matrices.dense(problem.A),
+            h=-problem.b,
+            A=matrices.dense(problem.C),
+            b=problem.d,
+            lb=problem.lb,
+            ub=problem.ub,
+        )
+        return stream.getvalue()
+
+
+class LeastSquaresArrays(ArrayFile):
+    """A, b, and bounds lb, ub where there are any."""
+
+    name = "least-squares"
+    summary = "least squares min ½‖Ax − b‖² as arrays A, b, lb, ub: to be named, for a system Ax = b has the same names"
+    form = array_forms.LEAST_SQUARES
+
+
+def _headers(path: Path) -> dict[str, Shape | None]:
+    """Return the names of the arrays of a file, with shapes, None for sparse ones; raises FormatError."""
+    if path.suffix.lower() == ".npz":
+        return joined_shapes(npz_shapes(path))
+
+    import scipy.io  # a tenth of a second that other formats need not wait for
+
+    def attempt() -> None:  # all that this process reads after it, in its order
+        _mat_shapes(path)
+        scipy.io.loadmat(path)
+
+    read_head(path)
+    require_survivor(path, attempt, "SciPy's reader", _SECONDS)
+    return _mat_shapes(path)
+
+
+def _values(path: Path, optional: Collection[str]) -> dict[str, Any]:
+    """Read all arrays of a file; raises FormatError. `optional` ones that are None are left out."""
+    if path.suffix.lower() == ".npz":
+        return joined(path, read_npz(path, optional=frozenset(optional)))
+    import scipy.io
+
+    result: dict[str, Any] = {}
+    for name, value in _guarded(path, scipy.io.loadmat).items():
+        if name.startswith("__"):
+            continue
+        if sp.issparse(value):
+            _require_indices(path, name, value)
+            result[name] = sp.csr_array(value)
+        elif value.dtype.names:
+            result |= _struct(path, name, value)
+        else:
+            result[name] = value
+    return result
+
+
+def _mat_shapes(path: Path) -> dict[str, Shape | None]:
+    import scipy.io
+
+    result: dict[str, Shape | None] = {}
+    for name, shape, kind in _guarded(path, scipy.io.whosmat):
+        if kind == "struct":
+            one = _guarded(path, lambda file, name=name: scipy.io.loadmat(file, variable_names=[name]))
+            result |= dict.fromkeys(_struct(path, name, one[name]))
+        else:
+            result[name] = tuple(map(int, shape))
+    return result
+
+
+def _struct(path: Path, name: str, value: Any) -> dict[str, Any]:
+    """Return the fields of a struct as NAME.field; raises FormatError where there are several structs."""
+    if value.size != 1:
+        raise FormatError(path, name, f"is a struct array of shape {value.shape}, expected one struct")
+    return {f"{name}.{part}": np.asarray(value[part].item()) for part in value.dtype.names or ()}
+
+
+def _guarded(path: Path, read: Callable[[Path], Any]) -> Any:
+    """Return what a reader of SciPy finds; raises FormatError."""
+    try:
+        return read(path)
+    except NotImplementedError:
+        raise FormatError(path, "", "is a MATLAB 7.3 file, expected one of version 5 (save -v7)") from None
+    except Exception as cause:  # what SciPy's reader raises depends on where a broken file leads it
+        raise FormatError(path, "", f"is not a readable MATLAB file ({first_line(cause)})") from None
+
+
+def _require_indices(path: Path, key: str, value: Any) -> None:
+    """Refuse indices outside the shape: SciPy's reader hands them over, and its conversions write wherever they
+    point.
+    """
+    try:
+        value.check_format(full_check=True)
+    except ValueError as cause:
+        raise FormatError(path, key, f"is a damaged sparse matrix ({cause})") from None
+
+
+for _format in (Arrays(), QPNpz(), LeastSquaresArrays()):
+    formats.add(_format.name, _format)
