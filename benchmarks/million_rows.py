@@ -37,7 +37,6 @@ import pandas as pd
 from made_up_rows import LIMIT, as_paths, as_starts, make
 
 from cpbench.analysis import (
-    bands,
     best,
     bootstrap,
     data_profiles,
@@ -55,6 +54,7 @@ from cpbench.analysis import (
 )
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.comparison import ComparisonSide, compare
+from cpbench.analysis.ranking import rankings
 
 SHAPES = ((10_000, 100), (100_000, 10))
 """Problems and labels, a process each."""
@@ -65,14 +65,13 @@ PROFILE, ALL, COMMAND, MEMORY = 1.0, 20.0, 10.0, 2.0
 @dataclass(frozen=True)
 class Data:
     """What the statistics are given: the group of all rows, its matrix of times, the family of each problem; the same
-    rows read as cold and warm ones; two runs; iterates; facts of the problems."""
+    rows read as cold and warm ones; iterates."""
 
     rows: pd.DataFrame
     times: pd.DataFrame
     families: pd.Series
     started: pd.DataFrame
     paths: pd.DataFrame
-    facts: pd.DataFrame
 
 
 def statistics(data: Data) -> dict[str, Callable[[], Any]]:
@@ -97,34 +96,27 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "profiles of 15 pairs of labels": lambda: [
             pairwise.profile_of_two(times, one, other) for one, other in itertools.combinations(leading, 2)
         ],
-        "records of all pairs of labels": lambda: pairwise.records(times),
         "reversals of 6 labels": lambda: pairwise.reversals(times, leading),
-        "virtual best, gaps": lambda: (best.gaps(times), best.choices(times)),
-        "times below the floor": lambda: best.floored(times),
+        "gaps to the virtual best": lambda: best.gaps(times),
         "means": lambda: (means.means(times, limit=LIMIT), means.means(times, limit=LIMIT, common=leading)),
         "bootstrap of means": lambda: bootstrap.intervals(bootstrap.mean_time(times, 0.1, LIMIT), families),
-        "bootstrap of solve rates": lambda: bootstrap.intervals(bootstrap.solve_rate(times), families),
-        "bands of profiles": lambda: bands.profile_bands(times, families),
-        "reliability": lambda: reliability.reliability(rows),
+        "bands of profiles": lambda: [
+            bootstrap.intervals(statistic, families)
+            for _, statistic in bootstrap.profile_heights(times, leading[:3], profiles.FLOOR).values()
+        ],
+        "claims": lambda: reliability.claim_counts(rows),
         "inexact routes": lambda: reliability.inexact_routes(rows),
-        "solve counts": lambda: summary.solve_counts(rows, LIMIT),
+        "ranking": lambda: rankings(rows),
         "verdicts": lambda: summary.verdicts(rows),
-        "nodes": lambda: summary.nodes(rows),
         "families": lambda: summary.families(rows),
         "size ranges": lambda: summary.size_ranges(rows),
         "failures by reason": lambda: failures.failures(rows),
         "refusals by reason": lambda: failures.failures(rows, refused=True),
-        "unsolved problems": lambda: failures.unsolved(rows),
+        "hardest problems": lambda: failures.hardest(rows),
         "flagged": lambda: failures.flagged(rows, "direction"),
         "participation": lambda: (participation.absences(rows), participation.participating(rows)),
         "scaling in nc": lambda: scaling.scaling(rows, "nc"),
-        "scaling in nnz": lambda: scaling.scaling(rows, "nnz", data.facts),
         "warm over cold": lambda: starts.paired(data.started),
-        "gains and losses of warm starts": lambda: (
-            starts.gains(found := starts.pairs(data.started)),
-            starts.losses(found),
-        ),
-        "times to an error": lambda: histories.times_to(rows, data.paths, 1e-4),
         "work-precision": lambda: histories.work_precision(rows, data.paths),
     }
 
@@ -140,7 +132,7 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
 
 
 def _read(profile: profiles.Profile) -> Any:
-    return profile.envelope(profile.widest), profile.by_height()
+    return profile.by_height()
 
 
 def measured(call: Callable[[], Any]) -> dict[str, Any]:
@@ -186,10 +178,8 @@ def prepared(problems: int, labels: int, seed: int) -> tuple[Data, dict[str, dic
     first = {"normalised": measured(partial(rows_of.normalised, raw))}
     rows = rows_of.normalised(raw)
     del raw
-    fingerprints = pd.Index(sorted(set(rows["fingerprint"])))
-    facts = pd.DataFrame({"nnz": np.random.default_rng(seed).integers(10, 10**6, problems)}, index=fingerprints)
     families = bootstrap.families_of(rows)
-    data = Data(rows, rows_of.times(rows), families, as_starts(rows), as_paths(rows, seed), facts)
+    data = Data(rows, rows_of.times(rows), families, as_starts(rows), as_paths(rows, seed))
     gc.collect()
     gc.freeze()
     return data, first

@@ -22,43 +22,9 @@ WITHIN = 2.0
 """Not more than this many times the virtual best is near to it."""
 
 
-def virtual_best(times: pd.DataFrame) -> pd.Series[float]:
-    """Return the least time [s] on each problem, ∞ where no label solved it.
-
-    >>> virtual_best(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).tolist()
-    [1.0, inf]
-    """
-    return times.fillna(math.inf).min(axis=1)
-
-
 def fastest(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
     """Mark which labels share the lead on a problem, problems × labels."""
     return ratios(times, floor) <= 1.0
-
-
-def choices(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """Return the choices of the virtual best, one row a problem: `label` ('' where no solver solved it), `time` [s],
-    `sharing` (how many share the lead; the quickest of them is named, then the first by name), `solvers` (how many
-    solve it at all).
-
-    >>> choices(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).to_numpy().tolist()
-    [['a', 1.0, 1, 2], ['', inf, 0, 0]]
-    """
-    ordered = times[sorted(times.columns)]
-    seconds = values(ordered)
-    if not seconds.shape[1]:
-        return pd.DataFrame({"label": "", "time": math.inf, "sharing": 0, "solvers": 0}, index=times.index)
-    solvers = np.isfinite(seconds).sum(axis=1)
-    names = np.array([str(label) for label in ordered.columns], dtype=object)[seconds.argmin(axis=1)]
-    return pd.DataFrame(
-        {
-            "label": np.where(solvers > 0, names, ""),
-            "time": seconds.min(axis=1),
-            "sharing": fastest(ordered, floor).sum(axis=1),
-            "solvers": solvers,
-        },
-        index=times.index,
-    )
 
 
 def gaps(
@@ -108,26 +74,6 @@ def gaps(
         },
         index=labels,
     )
-
-
-def floored(matrix: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """Count the times of each label below the floor: ratios of these carry no information.
-
-    Columns: solved, below (solved sooner than the floor), share (below over solved, NaN of none), tied (where another
-    label is below it too, so that their ratio is 1 by the floor alone).
-
-    >>> floored(pd.DataFrame({"a": [1e-5, 1e-6, 1.0], "b": [1e-5, 1.0, math.inf]})).to_dict("index")["a"]
-    {'solved': 3, 'below': 2, 'share': 0.6666666666666666, 'tied': 1}
-    """
-    seconds = values(matrix[sorted(matrix.columns)])
-    below = seconds < floor
-    tied = below & (below.sum(axis=1, keepdims=True) > 1)
-    result = pd.DataFrame(
-        {"solved": np.isfinite(seconds).sum(axis=0), "below": below.sum(axis=0), "tied": tied.sum(axis=0)},
-        index=pd.Index(sorted(str(label) for label in matrix.columns), name="label"),
-    )
-    result.insert(2, "share", result["below"] / result["solved"].where(result["solved"] > 0))
-    return result
 
 
 def _marginal(seconds: Array) -> tuple[Array, Array]:

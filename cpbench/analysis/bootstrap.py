@@ -27,22 +27,23 @@ were solved) no resampling shows either.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from cpbench.analysis.means import Array, logged, unlogged, values
-
-Method: TypeAlias = Literal["expanded", "percentile", "bca"]
+from cpbench.analysis.profiles import ratios
 
 FEW = 5
 """With fewer families an interval is a rough guess."""
 REPLICATES = 1000
+GRID = 64
+"""The most values of τ of a profile that get an interval."""
 CELLS = 2**21
 """Entries of the arrays that are worked on at a time: bounds the memory, and changes no number."""
 
@@ -109,15 +110,25 @@ def mean_time(matrix: pd.DataFrame, shift: float, charge: float, lost: pd.DataFr
     return _statistic(matrix, top, counted.astype(float), lambda x: unlogged(x, shift))
 
 
-def solve_rate(
-    matrix: pd.DataFrame, started: pd.DataFrame | None = None, lost: pd.DataFrame | None = None
-) -> Statistic:
-    """Return the fraction of the problems that a label solves; of those that it was `started` on, where that is
-    given, and whose answer no conversion `lost` (`table.lost`).
+def profile_heights(
+    matrix: pd.DataFrame, labels: Sequence[str], floor: float, lost: pd.DataFrame | None = None
+) -> dict[str, tuple[Array, Statistic]]:
+    """Return for each label the τ at which its performance profile steps, at most GRID of them, and its height there.
+
+    The ratios to the best of all labels belong to the problem and stay; what is drawn again is which problems there
+    are. An interval holds the curve at one τ, not the whole of it at once.
     """
-    top = np.isfinite(values(matrix)).astype(float)
-    bottom = np.ones_like(top) if started is None else started.loc[matrix.index, matrix.columns].to_numpy(dtype=float)
-    return _statistic(matrix, top, bottom * _counted(matrix, lost), lambda x: x)
+    ratio = ratios(matrix, floor)
+    counted = pd.DataFrame(_counted(matrix, lost), index=matrix.index, columns=matrix.columns)
+    result: dict[str, tuple[Array, Statistic]] = {}
+    for label in labels:
+        steps = np.unique(ratio[label][np.isfinite(ratio[label])])
+        tau = steps[np.unique(np.linspace(0, len(steps) - 1, min(GRID, len(steps))).round().astype(int))]
+        top = (ratio[label].to_numpy()[:, None] <= tau).astype(float)
+        bottom = np.repeat(counted[label].to_numpy(dtype=float)[:, None], len(tau), axis=1)
+        names = tuple(f"{value:g}" for value in tau)
+        result[label] = tau, Statistic(names, matrix.index, top, bottom, lambda x: x)
+    return result
 
 
 def _counted(matrix: pd.DataFrame, lost: pd.DataFrame | None) -> npt.NDArray[np.bool_]:
@@ -134,21 +145,19 @@ def intervals(
     level: float = 0.95,
     replicates: int = REPLICATES,
     seed: int = 0,
-    method: Method = "expanded",
+    expanded: bool = True,
 ) -> Intervals:
     """Return intervals of a statistic of each label.
 
     Parameters
     ----------
-    method : 'percentile'; 'expanded', the same read further out, as Student's t asks with so many families; or 'bca',
-        bias-corrected and accelerated (Efron 1987).
+    expanded : whether the percentiles are read further out, as Student's t asks with so many families.
 
     >>> times = pd.DataFrame({"a": [1.0, 2.0, 4.0, 8.0, math.inf, 1.0]}, index=list("pqrstu"))
-    >>> found = intervals(solve_rate(times), pd.Series({"p": "x", "q": "x"}), method="percentile")
+    >>> found = intervals(mean_time(times, 0.0, 16.0), pd.Series({"p": "x", "q": "x"}), expanded=False)
     >>> found.families, found.table.loc["a", ["estimate", "low", "high"]].astype(float).round(2).tolist()
-    (5, [0.83, 0.4, 1.0])
+    (5, [3.17, 1.49, 9.19])
     """
-    check(level, replicates)
     codes, count = clusters(statistic.problems, families)
     top, bottom = _by_family(statistic.top, codes, count), _by_family(statistic.bottom, codes, count)
     drawn = np.empty((replicates, len(statistic.labels)))
@@ -156,14 +165,12 @@ def intervals(
         for start, weights in multiplicities(count, replicates, seed):
             drawn[start : start + len(weights)] = statistic.of((weights @ top) / (weights @ bottom))
         estimate = statistic.of(top.sum(axis=0) / bottom.sum(axis=0))
-        left_out = statistic.of((top.sum(axis=0) - top) / (bottom.sum(axis=0) - bottom)) if method == "bca" else None
     carrying = (bottom > 0).sum(axis=0)
     ends = np.full((2, len(statistic.labels)), math.nan)
     for k in np.flatnonzero(np.isfinite(estimate) & (carrying > 1)):
         own = drawn[np.isfinite(drawn[:, k]), k]
-        beyond = tail(level, int(carrying[k]) if method == "expanded" else 0)
-        wanted = (beyond, 1 - beyond) if left_out is None else _bca(own, float(estimate[k]), left_out[:, k], beyond)
-        ends[:, k] = np.quantile(own, wanted)
+        beyond = tail(level, int(carrying[k]) if expanded else 0)
+        ends[:, k] = np.quantile(own, (beyond, 1 - beyond))
     table = pd.DataFrame(
         {
             "estimate": estimate,
@@ -177,14 +184,6 @@ def intervals(
     )
     empty = ~np.isfinite(drawn[:, np.isfinite(estimate)]).all(axis=1)
     return Intervals(table, count, level, replicates, int(empty.sum()))
-
-
-def check(level: float, replicates: int) -> None:
-    """Raise ValueError on a level outside (0, 1) and on no replicate."""
-    if not 0 < level < 1:
-        raise ValueError(f"level of {level:g}: must lie between 0 and 1, as 0.95")
-    if replicates < 1:
-        raise ValueError(f"{replicates} replicates: at least 1")
 
 
 def tail(level: float, families: int) -> float:
@@ -224,18 +223,3 @@ def _by_family(array: Array, codes: npt.NDArray[np.intp], count: int) -> Array:
         return np.zeros((0, array.shape[1]))
     order = np.argsort(codes, kind="stable")
     return np.add.reduceat(array[order], np.searchsorted(codes[order], np.arange(count)), axis=0)
-
-
-def _bca(drawn: Array, estimate: float, left_out: Array, beyond: float) -> tuple[float, float]:
-    """Return the levels at which BCa reads the replicates; those of the percentile interval where all are alike."""
-    below = float(((drawn < estimate).mean() + (drawn <= estimate).mean()) / 2)
-    apart = left_out[np.isfinite(left_out)]
-    apart = apart.mean() - apart
-    spread = float((apart**2).sum())
-    if spread == 0 or not 0 < below < 1:
-        return beyond, 1 - beyond
-    normal = NormalDist()
-    bias, bend = normal.inv_cdf(below), float((apart**3).sum()) / (6 * spread**1.5)
-    shifted = [bias + normal.inv_cdf(p) for p in (beyond, 1 - beyond)]
-    low, high = (normal.cdf(bias + z / (1 - bend * z)) for z in shifted)
-    return low, high

@@ -8,7 +8,6 @@ it says nothing are not mentioned.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -23,46 +22,8 @@ CLOCKS = ("time", "solve", "cpu")
 BUSY, DRIFT = 0.1, 1.5
 """Share of the rows with a load beyond the cores, and ratio of the longest to the shortest reference solve, from which
 on times are not to be relied on."""
-METHOD_TIME = "Compared is the time of the method, without the round trip."
-"""Sentence about the times of served solvers."""
 FIRST_STEP = "cold: first step"
 """Text of a row about its start where there was no step before to start from: no failure of the start policy."""
-
-
-@dataclass(frozen=True)
-class Footnote:
-    """Footnote of a table of times on the solvers that have its mark; none where `labels` is empty."""
-
-    mark: str
-    labels: tuple[str, ...]
-    sentence: str
-
-
-def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
-    """Return the footnotes of a table of these rows.
-
-    >>> rows = pd.DataFrame({"label": ["a", "b", "b"], "start": "file", "started": ["", "cold: no point", "file"]})
-    >>> for note in footnotes(rows, {"a": {"launches": True}}):
-    ...     print(note.mark, *note.labels, note.sentence)
-    † a Every solve of a launches a program, and its launch is in the time.
-    ‡ b Fell back to a cold start: b 1 of 2.
-    """
-    labels = [str(label) for label in dict.fromkeys(rows["label"])]
-    trips = served(rows) if "trip" in rows else {}
-    trip_text = ", ".join(f"{label} ({microseconds(trip)})" for label, trip in trips.items())
-    launched, cold, counts = launching(labels, sheets), fell_back(rows), rows["label"].value_counts()
-    counted_labels = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
-    notes = (
-        Footnote("†", tuple(launched), _launch(launched)),
-        Footnote("§", tuple(trips), f"Served by another process (round trip of a request): {trip_text}. {METHOD_TIME}"),
-        Footnote("‡", tuple(cold), f"Fell back to a cold start: {counted_labels}."),
-    )
-    return [note for note in notes if note.labels]
-
-
-def marks(label: str, notes: Iterable[Footnote]) -> str:
-    """Return the marks behind the name of a solver."""
-    return "".join(note.mark for note in notes if label in note.labels)
 
 
 def fell_back(rows: pd.DataFrame) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""Failures and their reasons: problems without an answer, failures by reason, rows that carry a flag."""
+"""Failures and their reasons: the hardest problems, failures by reason, rows that carry a flag."""
 
 from __future__ import annotations
 
@@ -58,18 +58,29 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
     return sorted(reasons, key=lambda r: (order(r.status), r.kind, -r.count, r.message, tuple(r.labels)))
 
 
-def unsolved(group: pd.DataFrame) -> pd.DataFrame:
-    """Return problems that no label solves: one row each, with the least error reached, its label, and whether it is
-    proven that there is no solution.
+def hardest(table: pd.DataFrame, share: float = 0.25) -> pd.DataFrame:
+    """Return the problems of which at most this share of the started pairs was solved, the hardest first; those that
+    are proved to have no solution are left out.
+
+    Columns: name, node, family, sizes, address; solved, started (pairs), and the least error with its label.
+
+    >>> rows = {"problem": ["p", "p", "q"], "label": ["a", "b", "a"], "status": ["failed", "wrong", "solved"],
+    ...         "error": [9.0, 0.5, 0.0]}
+    >>> hardest(rows_of.normalised(pd.DataFrame(rows)))[["name", "solved", "started", "label"]].values.tolist()
+    [['p', 0, 2, 'b']]
     """
-    names = rows_of.problem_names(group)
-    done = group.loc[rows_of.solved(group), "fingerprint"].unique()
-    described = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
-    open_rows = described[~described["fingerprint"].isin(done)]
-    closest = open_rows.sort_values(["name", "fingerprint", "error", "label"]).drop_duplicates("fingerprint")
-    certified = open_rows.loc[open_rows["status"].isin(PROVEN), "fingerprint"]
-    closest = closest.assign(proven=closest["fingerprint"].isin(certified.unique()))
-    return closest[["name", "address", "error", "label", "proven"]].reset_index(drop=True)
+    started = table[~table["status"].isin(REFUSED)]
+    key = [started["node"], started["fingerprint"]]
+    solved = rows_of.solved(started).groupby(key, sort=False)
+    proved = started["status"].isin(PROVEN).groupby(key, sort=False).any()
+    count = pd.DataFrame({"solved": solved.sum(), "started": solved.size()})
+    count = count[(count["solved"] <= share * count["started"]) & ~(proved & (count["solved"] == 0))]
+    named = started.assign(name=rows_of.problem_names(started)).sort_values(["error", "label"], kind="stable")
+    columns = ["node", "fingerprint", "name", "family", "sizes", "address", "error", "label"]
+    closest = named[columns].drop_duplicates(["node", "fingerprint"])
+    found = closest.merge(count.reset_index(), on=["node", "fingerprint"])
+    order = found.assign(share=found["solved"] / found["started"], pairs=-found["started"])
+    return order.sort_values(["share", "pairs", "node", "name"], ignore_index=True)
 
 
 def flagged(table: pd.DataFrame, flag: str) -> pd.DataFrame:

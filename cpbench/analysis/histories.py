@@ -47,16 +47,6 @@ def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     return found.sort_values(["label", "fingerprint", "time"], kind="stable", ignore_index=True)
 
 
-def times_to(rows: pd.DataFrame, histories: pd.DataFrame, tolerance: float) -> pd.DataFrame:
-    """Return seconds to the first iterate that solves a problem at a tolerance, problems × labels; ∞ where none
-    does.
-
-    This is what a performance profile at that tolerance is made from. Labels without any history are left out.
-    """
-    paths = _Paths(rows, histories)
-    return pd.DataFrame(paths.times_to(tolerance), index=paths.problems, columns=paths.labels)
-
-
 def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     """Return how long each label took to each error down to the tolerance, over a group: label, error, reached,
     seconds.
@@ -113,10 +103,3 @@ class _Paths:
     def never(self) -> Matrix:
         """Return a matrix of ∞: nothing was ever reached."""
         return np.full((len(self.problems), len(self.labels)), math.inf)
-
-    def times_to(self, tolerance: float) -> Matrix:
-        """Return the least seconds of an iterate within the tolerance; ∞ where there is none."""
-        times = self.never()
-        good = self.error <= tolerance
-        np.minimum.at(times.reshape(-1), self.pair[good], self.seconds[good])
-        return times

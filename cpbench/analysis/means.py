@@ -4,9 +4,8 @@
 
 is the shifted geometric mean of Mittelmann's benchmarks. It needs two choices that the data do not make: the shift s
 (far above the times it is the arithmetic mean, which one failure decides; far below, the tiniest times decide) and
-the penalty that a problem not solved is charged (the time limit; 2 or 10 times it: PAR2, PAR10, as in the SAT
-competitions; or seconds). Both are arguments here and part of every result, and a failure is never charged less than
-the slowest answer of the table: a false claim cannot be ahead of a slow answer.
+what a problem not solved is charged: the time limit, and never less than the slowest answer of the table, so that a
+false claim cannot be ahead of a slow answer. Both are part of every result.
 
 A matrix holds times [s], problems × labels, ∞ or NaN where the pair is not verified as solved; it has a row for each
 of the N planned problems.
@@ -17,46 +16,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 Array: TypeAlias = npt.NDArray[np.float64]
-Kind: TypeAlias = Literal["geometric", "arithmetic", "median"]
 
 SMALL = 10
 """A mean over fewer commonly solved problems than this is about those problems only."""
-
-
-@dataclass(frozen=True)
-class Penalty:
-    """Cost of a problem that was not solved: `factor` times the time limit or, where given, `seconds`.
-
-    >>> str(LIMIT), str(PAR10), str(Penalty(seconds=100.0))
-    ('limit', 'PAR10', '100 s')
-    """
-
-    factor: float = 1.0
-    seconds: float | None = None
-
-    def seconds_at(self, limit: float) -> float:
-        """Return seconds under a time limit [s]; NaN where there is none to multiply.
-
-        >>> PAR2.seconds_at(10.0), PAR2.seconds_at(math.inf), Penalty(seconds=100.0).seconds_at(math.inf)
-        (20.0, nan, 100.0)
-        """
-        cost = self.factor * limit if self.seconds is None else self.seconds
-        return cost if math.isfinite(cost) else math.nan
-
-    def __str__(self) -> str:
-        if self.seconds is not None:
-            return f"{self.seconds:g} s"
-        return "limit" if self.factor == 1.0 else f"PAR{self.factor:g}"
-
-
-LIMIT, PAR2, PAR10 = Penalty(), Penalty(2.0), Penalty(10.0)
 
 
 @dataclass(frozen=True)
@@ -98,20 +67,17 @@ def default_shift(times: pd.DataFrame) -> float:
     return float(np.median(finite)) if finite.size else 0.0
 
 
-def charge(times: pd.DataFrame, penalty: Penalty, limit: float) -> float:
-    """Return the seconds that a failure costs in a table: the penalty, but no less than the slowest answer; NaN
-    without either.
+def charge(times: pd.DataFrame, limit: float) -> float:
+    """Return the seconds that a failure costs in a table: the time limit, but no less than the slowest answer; NaN
+    where there was none.
 
-    >>> charge(pd.DataFrame({"a": [1.0, math.inf], "b": [10.5, 2.0]}), LIMIT, limit=10.0)
+    >>> charge(pd.DataFrame({"a": [1.0, math.inf], "b": [10.5, 2.0]}), limit=10.0)
     10.5
     """
-    penalty_seconds = penalty.seconds_at(limit)
+    if not math.isfinite(limit):
+        return math.nan
     finite = times.to_numpy(dtype=float)
-    return (
-        penalty_seconds
-        if math.isnan(penalty_seconds)
-        else float(finite.max(initial=penalty_seconds, where=np.isfinite(finite)))
-    )
+    return float(finite.max(initial=limit, where=np.isfinite(finite)))
 
 
 def logged(seconds: npt.ArrayLike, shift: float) -> Array:
@@ -141,20 +107,18 @@ def means(
     matrix: pd.DataFrame,
     *,
     shift: float | None = None,
-    penalty: Penalty = LIMIT,
     limit: float = math.inf,
-    kind: Kind = "geometric",
     common: Sequence[str] | None = None,
     lost: pd.DataFrame | None = None,
 ) -> Means:
-    """Compute the mean time of each label over all problems of the matrix or over those commonly solved.
+    """Compute the shifted geometric mean time of each label over all problems of the matrix or over those commonly
+    solved.
 
     Parameters
     ----------
     shift : seconds; default the median of all finite times of the matrix.
-    limit : the time limit [s] that the penalty is a multiple of; ∞ where there was none. A label that did not solve
-        everything has no mean then (NaN, with the reason).
-    kind : 'geometric' (shifted), 'arithmetic', or 'median' (failures at ∞, without charge).
+    limit : the time limit [s] that a failure is charged; ∞ where there was none. A label that did not solve everything
+        has no mean then (NaN, with the reason).
     common : labels; the means are theirs, over the problems that each of them solves.
     lost : whether a conversion lost the answer of a pair (`table.lost`): the mean of its label is over the others.
 
@@ -162,86 +126,43 @@ def means(
     >>> means(times, shift=0.0, limit=8.0).table["mean"].round(12).to_dict()
     {'a': 2.0, 'b': 4.0}
     >>> means(times, shift=0.0).table.loc["b", "reason"]
-    '1 of 2 not solved, and no limit to charge: give a penalty in seconds'
+    '1 of 2 not solved, and no limit to charge'
     >>> (found := means(times, shift=0.0, common=["a", "b"])).table["mean"].to_dict(), found.problems, found.remark
     ({'a': 1.0, 'b': 2.0}, 1, 'only 1 problem is solved by all 2 labels')
     """
-    shift = default_shift(matrix) if shift is None else shift
-    penalty_seconds, cost = penalty.seconds_at(limit), charge(matrix, penalty, limit)
+    shift, cost = default_shift(matrix) if shift is None else shift, charge(matrix, limit)
     whole = matrix if common is None else matrix.loc[commonly_solved(matrix, common), list(common)]
     whole = whole[sorted(whole.columns)]
     seconds = values(whole)
     done = np.isfinite(seconds)
-    without = _lost(whole, lost)
+    without = np.zeros(len(whole.columns), dtype=int)
+    if lost is not None:
+        without = lost.reindex(index=whole.index, columns=whole.columns, fill_value=False).to_numpy().sum(axis=0)
     failed = (~done).sum(axis=0) - without
-    averages = _averages(seconds, failed, len(whole) - without, shift, cost, kind)
-    reasons = [_reason(int(n), done, shift, cost, kind) for n in failed]
+    rows = len(whole) - without
+    logs = np.where(done, logged(np.where(done, seconds, 1.0), shift), 0.0).sum(axis=0)
+    logs = logs + np.where(failed, failed * logged(cost, shift), 0.0)
+    averages = unlogged(logs / np.where(rows > 0, rows, math.nan), shift)
+    reasons = [_reason(int(n), done, cost) for n in failed]
     averages[[bool(reason) for reason in reasons]] = math.nan
+    numbers = {"planned": len(whole), "solved": done.sum(axis=0), "charged": failed, "lost": without}
     table = pd.DataFrame(
-        {
-            "planned": len(whole),
-            "solved": done.sum(axis=0),
-            "charged": failed,
-            "lost": without,
-            "mean": averages,
-            "reason": reasons,
-        },
+        {**numbers, "mean": averages, "reason": reasons},
         index=pd.Index([str(label) for label in whole.columns], name="label"),
     )
-    remark = (
-        f"a failure is charged {cost:.3g} s, the slowest answer, not {penalty_seconds:.3g} s"
-        if cost > penalty_seconds
-        else ""
-    )
+    remark = f"a failure is charged {cost:.3g} s, the slowest answer, not {limit:.3g} s" if cost > limit else ""
     if common is not None and len(whole) < SMALL:
         count = {0: "no problem is", 1: "only 1 problem is"}.get(len(whole), f"only {len(whole)} problems are")
         remark = f"{count} solved by all {len(common)} labels"
     return Means(table, len(whole), shift, cost, remark)
 
 
-def _lost(matrix: pd.DataFrame, lost: pd.DataFrame | None) -> npt.NDArray[np.int_]:
-    """Count the lost answers of each label of a matrix."""
-    if lost is None:
-        return np.zeros(len(matrix.columns), dtype=int)
-    return lost.reindex(index=matrix.index, columns=matrix.columns, fill_value=False).to_numpy(dtype=int).sum(axis=0)
-
-
-def _averages(
-    seconds: Array,
-    failed: npt.NDArray[np.int_],
-    counted: npt.NDArray[np.int_],
-    shift: float,
-    cost: float,
-    kind: Kind,
-) -> Array:
-    """Average each column over so many problems as are `counted`, failures charged; NaN where there is no row or
-    nothing to charge."""
-    rows = np.where(counted > 0, counted, math.nan)
-    if not len(seconds):
-        return np.full(seconds.shape[1], math.nan)
-    if kind == "median":  # lost ones are at the end, among the failures
-        ordered = np.vstack([np.sort(seconds, axis=0), np.full(seconds.shape[1], math.inf)])
-        places = np.arange(seconds.shape[1])
-        return (ordered[np.maximum(counted - 1, 0) // 2, places] + ordered[counted // 2, places]) / 2
-    finite = np.isfinite(seconds)
-    if kind == "arithmetic":
-        charged = np.where(failed, failed * cost, 0.0)
-        return (np.where(finite, seconds, 0.0).sum(axis=0) + charged) / rows
-    if not 0 <= shift < math.inf:
-        return np.full(seconds.shape[1], math.nan)
-    charged = np.where(failed, failed * logged(cost, shift), 0.0)
-    logs = np.where(finite, logged(np.where(finite, seconds, 1.0), shift), 0.0)
-    return unlogged((logs.sum(axis=0) + charged) / rows, shift)
-
-
-def _reason(failed: int, done: npt.NDArray[np.bool_], shift: float, cost: float, kind: Kind) -> str:
+def _reason(failed: int, done: npt.NDArray[np.bool_], cost: float) -> str:
     """Return why a label with so many failures has no mean, '' when it has one."""
     if not len(done):
         return "no problem to take a mean over"
     if not done.any():
         return "nothing was solved: there is no time to take a mean of"
-    if kind == "geometric" and not 0 <= shift < math.inf:
-        return f"a shift of {shift:g} s: must be finite and not negative"
-    if kind != "median" and failed and math.isnan(cost):
-        return f"{failed} of {len(done)} not solved, and no limit to charge: give a penalty in seconds"
+    if failed and math.isnan(cost):
+        return f"{failed} of {len(done)} not solved, and no limit to charge"
     return ""

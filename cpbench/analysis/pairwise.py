@@ -18,8 +18,6 @@ import pandas as pd
 
 from cpbench.analysis.profiles import FLOOR, Profile, at_least, costs, performance_profile
 
-RECORDS = ("one", "other", "wins", "ties", "losses", "neither")
-
 
 def profile_of_two(
     values: pd.DataFrame, one: str, other: str, problems: int | None = None, floor: float | None = FLOOR
@@ -33,27 +31,18 @@ def profile_of_two(
     return performance_profile(values[[one, other]], at_least(values, problems), floor)
 
 
-def records(values: pd.DataFrame, problems: int | None = None, floor: float | None = FLOOR) -> pd.DataFrame:
-    """Count how often each of two labels is ahead, one row a pair in order of label: RECORDS.
+def record(values: pd.DataFrame, one: str, other: str, floor: float | None = FLOOR) -> tuple[int, int, int]:
+    """Count on how many problems one label is ahead, the other is, and both cost the same down to the floor.
 
-    `wins` and `losses` are those of `one`: it costs less, or solves what the other does not. `ties` cost the same
-    down to the floor; on `neither` no one of the two solves the problem. The four add up to N.
+    A label is ahead that costs less, or solves what the other does not.
 
     >>> inf = float("inf")
-    >>> records(pd.DataFrame({"a": [1.0, 1.0, inf, 5.0], "b": [2.0, 1.0, inf, inf]})).to_dict("records")
-    [{'one': 'a', 'other': 'b', 'wins': 2, 'ties': 1, 'losses': 0, 'neither': 1}]
+    >>> record(pd.DataFrame({"a": [1.0, 1.0, inf, 5.0], "b": [2.0, 1.0, inf, inf]}), "a", "b")
+    (2, 0, 1)
     """
-    planned, labels = at_least(values, problems), sorted(values.columns)
-    cost = np.ascontiguousarray(costs(values[labels], floor).T)
-    rows: list[tuple[object, ...]] = []
-    for k, one in enumerate(labels):
-        mine, theirs = cost[k], cost[k + 1 :]
-        wins, losses = (mine < theirs).sum(axis=1), (mine > theirs).sum(axis=1)
-        ties = ((mine == theirs) & np.isfinite(mine)).sum(axis=1)
-        for j, other in enumerate(labels[k + 1 :]):
-            counts = int(wins[j]), int(ties[j]), int(losses[j])
-            rows.append((one, other, *counts, planned - sum(counts)))
-    return pd.DataFrame(rows, columns=list(RECORDS))
+    mine, theirs = costs(values[[one, other]], floor).T
+    ties = (mine == theirs) & np.isfinite(mine)
+    return int((mine < theirs).sum()), int((mine > theirs).sum()), int(ties.sum())
 
 
 def reversals(

@@ -109,12 +109,6 @@ def unreached_summary(entries: Iterable[Mapping[str, Any]]) -> str:
     return f"skipped, because no conversion leads to what the solver accepts: {pairs} ({parts})"
 
 
-def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Write the lines on what is not installed, then those on what no route leads to."""
-    entries = list(entries)
-    return [*lacking_lines(entries), *unreached_lines(entries)]
-
-
 def _unreached(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
     """Return the entries without a route by formulation, in their order."""
     by_node: dict[str, list[Mapping[str, Any]]] = {}

@@ -111,17 +111,6 @@ class Profile:
         """Return whether several solvers solved something; else the curves say no more than how many were solved."""
         return sum(curve.solved > 0 for curve in self.curves) > 1
 
-    def envelope(self, upto: float) -> tuple[Floats, Floats]:
-        """Return corners (τ, ρ) on [1, upto] of the highest curve at each τ, whichever that is."""
-        corners = np.unique(np.concatenate([np.empty(0), *(c.ratios for c in self.curves)]))
-        tau = np.concatenate(([1.0], corners[(corners > 1.0) & (corners < upto)], [upto]))
-        height = np.zeros(len(tau))
-        for curve in self.curves:
-            height = np.maximum(height, curve.heights(tau))
-        # corners at which the highest curve does not rise are those of a curve below it
-        keep = np.array([True, *(np.diff(height[:-1]) > 0), True])
-        return tau[keep], height[keep]
-
     def by_height(self) -> list[Curve]:
         """Sort curves as they lie at the right margin, highest first; ties by area, then label."""
         widest = self.widest

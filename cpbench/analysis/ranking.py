@@ -51,10 +51,10 @@ class RankedSolver:
     ----------
     route : by which most of its problems reached it, `others` more routes were taken. started, solved : problems;
     lost : those of which a conversion lost the answer; `counted` are the others. stationary : those on which it found a
-    point that meets the conditions of a minimum and may be none. error : median of what it reached where it solved.
-    fastest : problems on which it shares the lead, `alone` of them are solved by no other. median : of its times where
-    it solved [s]. factor : geometric mean of its time over that of the fastest there (NaN, as median, without a time
-    that may be compared). warnings : what a reader must know.
+    point that meets the conditions of a minimum and may be none. false : its claims that do not hold. error : median of
+    what it reached where it solved. fastest : problems on which it shares the lead, `alone` of them are solved by no
+    other. median : of its times where it solved [s]. factor : geometric mean of its time over that of the fastest there
+    (NaN, as median, without a time that may be compared). warnings : what a reader must know.
     """
 
     solver: str
@@ -64,6 +64,7 @@ class RankedSolver:
     solved: int
     lost: int
     stationary: int
+    false: int
     fastest: int
     alone: int
     median: float
@@ -200,6 +201,7 @@ def _ranked(
     count, solved_by = _count(rows), _count(rows[solved])
     lost = _count(rows[rows["status"] == str(Status.LOST)])
     stationary = _count(rows[rows["status"] == str(Status.STATIONARY)])
+    false = _count(false_claims(started))
     warnings, routes = _warnings(started, launching), _routes(rows)
     return [
         RankedSolver(
@@ -210,6 +212,7 @@ def _ranked(
             solved=solved_by.get(label, 0),
             lost=lost.get(label, 0),
             stationary=stationary.get(label, 0),
+            false=false.get(label, 0),
             fastest=int(leads.get(label, 0)),
             alone=int(alone.get(label, 0)),
             median=float(medians.get(label, math.nan)),

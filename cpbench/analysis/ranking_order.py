@@ -75,7 +75,7 @@ def mean_times(rows: pd.DataFrame, times: pd.DataFrame) -> Mapping[str, float]:
     """
     seconds = np.maximum(means.values(times), FLOOR)
     finite = np.isfinite(seconds)
-    limit = means.charge(times, means.LIMIT, rows_of.limit(rows))
+    limit = means.charge(times, rows_of.limit(rows))
     slowest = float(seconds.max(initial=FLOOR, where=finite))
     stationary = rows_of.spread(rows, (rows["status"] == str(Status.STATIONARY)).to_numpy(), False)
     there = stationary.reindex(index=times.index, columns=times.columns, fill_value=False).to_numpy(dtype=bool)

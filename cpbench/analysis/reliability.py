@@ -1,31 +1,18 @@
 """Claims against verdicts: how far a solver's word can be taken.
 
-What a solver says of its answer (the claim) and what was measured of it (the verdict) make a 2×2 table a label:
-
-                          is solved    is not
-    claims to have solved   true        false
-    does not                modest      honest
-
-A solver speaks of the problem that it was given: what it solved there is solved here, whatever became of the answer on
-the way back. A claim that there is no solution is false beside a verified answer (`table.contradicted`).
-
-Rates come with Wilson's score interval (JASA 22, 1927), which stays within [0, 1] and says something also for 0 or all
-of n. It takes pairs for independent; among problems of one family they are not, and `bootstrap.intervals` of
-`bootstrap.solve_rate` is the one that knows.
+What a solver says of its answer is the claim, what was measured of it the verdict. A solver speaks of the problem that
+it was given: what it solved there is solved here, whatever became of the answer on the way back. A claim that there is
+no solution is false beside a verified answer (`table.contradicted`).
 """
 
 from __future__ import annotations
 
 import math
-from statistics import NormalDist
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.means import Array
-from cpbench.analysis.participation import REFUSED
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
 
 CLAIMED = "solved"
@@ -53,97 +40,6 @@ NEAR = 2.0
 
 MET = (*MET_TOLERANCE, *CHARGED_TO_ROUTE)
 """Statuses of an answer that solves what the solver was given."""
-
-
-def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
-    """Return the ends of Wilson's interval of a rate, elementwise; NaN for no trial.
-
-        (p + z²/2n ± z √(p(1 − p)/n + z²/4n²)) / (1 + z²/n),    p = successes / n
-
-    >>> low, high = wilson([10, 0], [10, 0])
-    >>> low.round(3).tolist(), high.round(3).tolist()
-    ([0.722, nan], [1.0, nan])
-    """
-    k, n = np.asarray(successes, dtype=float), np.asarray(trials, dtype=float)
-    z = NormalDist().inv_cdf((1 + level) / 2)
-    n = np.where(n > 0, n, math.nan)
-    p = k / n
-    middle, half = p + z**2 / (2 * n), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
-    low, high = ((middle + sign * half) / (1 + z**2 / n) for sign in (-1, 1))
-    # 0 and 1 exactly, where rounding would leave 1e-17; 0 * n keeps the NaN of no trial
-    return np.where(k == 0, 0 * n, low), np.where(k == n, 1 + 0 * n, high)
-
-
-def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
-    """Compare claim and verdict, one row a label, of the pairs where the solver came back within its limits.
-
-    Left out is what says nothing of a claim: rows that were read off a history, which have none, answers that rounding
-    decides, and those of a solver that drops a term, whose problem is not known.
-
-    Columns: true (claimed solved, is), false (claimed, is not; or claimed to have no solution, has one), modest (not
-    claimed, is), honest (neither), correct (fraction of claims that hold, NaN without claims), low, high (Wilson
-    interval of it).
-
-    >>> rows = pd.DataFrame({"label": ["a"] * 4, "status": ["solved", "wrong", "solved", "failed"],
-    ...                      "claim": ["solved", "solved", "max_iter", "failed"], "target_error": math.nan})
-    >>> claims(rows).round(2).loc["a"].tolist()
-    [1.0, 1.0, 1.0, 1.0, 0.5, 0.09, 0.91]
-    """
-    unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
-    nothing = unmeasured | (group["claim"] == "") | (group["status"] == str(Status.UNRESOLVABLE))
-    judged = group.loc[group["status"].isin(JUDGED) & ~nothing, ["label", "status", "claim"]]
-    denied = rows_of.contradicted(group)[judged.index]
-    claimed, done = (judged["claim"] == CLAIMED) | denied, judged["status"].isin(MET) & ~denied
-    labels = sorted(group["label"].unique())
-
-    def count(which: pd.Series[bool]) -> pd.Series[int]:
-        return judged.loc[which, "label"].value_counts().reindex(labels, fill_value=0).astype(int)
-
-    found = pd.DataFrame(
-        {
-            "true": count(claimed & done),
-            "false": count(claimed & ~done),
-            "modest": count(~claimed & done),
-            "honest": count(~claimed & ~done),
-        },
-        index=pd.Index(labels, name="label"),
-    )
-    claimed = found["true"] + found["false"]
-    low, high = wilson(found["true"], claimed, level)
-    return found.assign(correct=(found["true"] / claimed.where(claimed > 0)).astype(float), low=low, high=high)
-
-
-def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
-    """Summarise what a label does and how well it knows, one row a label (sorted).
-
-    Columns: planned (pairs), started (all but unsupported, unavailable, not run), judged (came back with a claim),
-    solved; true, false, modest, honest, correct, correct_low, correct_high as in `claims`; recognised (of the answers
-    that are right, the fraction claimed; NaN without any); rate (solved over planned, without answers that a conversion
-    lost), rate_low, rate_high (NaN for a solver that was never started: nothing was seen of it, though it counts as
-    having solved nothing).
-    """
-    claim_table = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
-
-    def count(labels: pd.Series[str]) -> pd.Series[int]:
-        return labels.value_counts().reindex(claim_table.index, fill_value=0).astype(int)
-
-    planned, solved = count(group["label"]), count(group["label"][rows_of.solved(group)])
-    started = count(group["label"][~group["status"].isin(REFUSED)])
-    right = claim_table["true"] + claim_table["modest"]
-    kept = planned - count(group["label"][group["status"] == str(Status.LOST)])
-    low, high = wilson(solved, kept.where(started > 0, 0), level)
-    found = claim_table.assign(
-        planned=planned,
-        started=started,
-        judged=claim_table[["true", "false", "modest", "honest"]].sum(axis=1),
-        solved=solved,
-        recognised=claim_table["true"] / right.where(right > 0),
-        rate=(solved / kept.where(kept > 0)).where(started > 0),
-        rate_low=low,
-        rate_high=high,
-    )
-    first = ["planned", "started", "judged", "solved"]
-    return found[[*first, *claim_table.columns, "recognised", "rate", "rate_low", "rate_high"]]
 
 
 def false_claims(table: pd.DataFrame) -> pd.DataFrame:

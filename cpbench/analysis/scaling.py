@@ -28,9 +28,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def scaling(
-    group: pd.DataFrame, symbol: str, features: pd.DataFrame | None = None, level: float = 0.95
-) -> pd.DataFrame:
+def scaling(group: pd.DataFrame, symbol: str, level: float = 0.95) -> pd.DataFrame:
     """Fit how the time of each label of a group grows with a size of the problems, one row a label, in order of
     label.
 
@@ -41,8 +39,7 @@ def scaling(
 
     Parameters
     ----------
-    symbol : a dimension (n, nc, m, ...) or a column of `features`.
-    features : facts of the problems by fingerprint, as nnz; a symbol is looked up there first.
+    symbol : a dimension (n, nc, m, ...). level : of the interval.
 
     >>> rows = pd.DataFrame({"fingerprint": list("abcdef"), "label": "s", "family": "", "seconds": 9.0,
     ...                      "sizes": [f'{{"n": {2**k}}}' for k in range(6)], "convert": 0.0, "setup": 0.0,
@@ -54,7 +51,7 @@ def scaling(
     >>> round(scaling(longer, "n")["slope"].item(), 2)
     1.0
     """
-    x, seconds, stopped, known, sized = _measured(group, symbol, features)
+    x, seconds, stopped, known, sized = _measured(group, symbol)
     label, labels = pd.factorize(group["label"], sort=True)
     records: list[dict[str, Any]] = []
     order = np.argsort(label, kind="stable")
@@ -117,18 +114,16 @@ def points(group: pd.DataFrame, symbol: str) -> pd.DataFrame:
     """Return the times that `scaling` looks at, one row a pair: label, x, seconds, and whether that is a limit at which
     it was `stopped`.
     """
-    x, seconds, stopped, known, sized = _measured(group, symbol, None)
+    x, seconds, stopped, known, sized = _measured(group, symbol)
     points = pd.DataFrame({"label": group["label"].to_numpy(), "x": x, "seconds": seconds, "stopped": stopped})
     return points[known & sized].reset_index(drop=True)
 
 
-def _measured(
-    group: pd.DataFrame, symbol: str, features: pd.DataFrame | None
-) -> tuple[Floats, Floats, Bools, Bools, Bools]:
+def _measured(group: pd.DataFrame, symbol: str) -> tuple[Floats, Floats, Bools, Bools, Bools]:
     """Return of each row: size, seconds to the answer or (`stopped`) the limit, whether these and the size are
     known.
     """
-    x = rows_of.sizes_of(group, symbol, features)
+    x = rows_of.sizes_of(group, symbol)
     timed = rows_of.with_time(group)
     stopped = (group["status"] == str(Status.TIMEOUT)).to_numpy(dtype=bool)
     seconds = np.where(stopped, group["seconds"].to_numpy(dtype=float), timed["time"].to_numpy(dtype=float))

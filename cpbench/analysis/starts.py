@@ -1,15 +1,8 @@
 """Warm starts against cold ones: the same solver on the same problem at the same tolerance, from two starts.
 
-A pair is a warm row and the cold row beside it. Over the pairs of a label two geometric means of warm over cold tell
-what the warm start gains, and they answer different questions:
-
-- *common*: over the pairs that both solved, and where the warm solve did start warm. What a warm start does when it
-  works; blind for those it makes fail.
-- *all*: over every pair, a failure charged a penalty, a start that fell back to a cold one included. The gain of
-  asking for warm starts.
-
-Both come with a bootstrap interval that resamples sequences (families where there is no sequence): the steps of one
-simulation resemble each other (`bootstrap`). Times below the floor count as equal.
+A pair is a warm row and the cold row beside it. The geometric means of warm over cold are over the pairs that both
+solved, and where the warm solve did start warm: what a warm start does when it works. How many each of the two solved
+stands beside them.
 
 Starts of a problem's file (`file`, `file:2`, ...) are cases of one formulation, not several formulations: `merged`
 makes them so.
@@ -24,11 +17,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import bootstrap
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.means import LIMIT, Array, Penalty
 from cpbench.analysis.metrics import METRICS, spent
-from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.table import Integers
 from cpbench.verification import VERIFIED, Status
 
@@ -53,10 +43,6 @@ _NEEDED = (
     *rows_of.CHARGED,
 )
 COLUMNS = ("node", "label", "start", "pairs", "warm", "cold", "fell_back", "time", "iterations")
-GAINS = (
-    "node", "label", "start", "pairs", "both", "only_warm", "only_cold", "neither", "fell_back", "slower", "common",
-    "common_low", "common_high", "common_over", "all", "all_low", "all_high", "clusters",
-)  # fmt: skip
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
@@ -99,88 +85,6 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def gains(
-    found: pd.DataFrame,
-    penalty: Penalty = LIMIT,
-    *,
-    floor: float = FLOOR,
-    level: float = 0.95,
-    replicates: int = 1000,
-    seed: int = 0,
-) -> pd.DataFrame:
-    """Compute what each warm start gains in time, one row a formulation, label and warm start of `pairs`.
-
-    Columns: pairs; how many both solved, only the warm one, only the cold one, neither; fell_back; slower (both solved
-    and the warm one took longer); the geometric means of warm over cold (below 1: the warm start is ahead) with their
-    intervals: `common` over `common_over` pairs that both solved and that started warm, `all` over all pairs, each
-    failure charged the penalty or the other's time, whichever is more (NaN where no limit is known); clusters (number
-    of sequences or families resampled: with fewer than 5 an interval is a rough guess, with one there is none).
-
-    >>> rows = pd.DataFrame({"problem": ["a", "b"] * 2, "label": "s", "start": ["cold", "cold", "previous", "previous"],
-    ...                      "status": ["solved"] * 3 + ["timeout"], "solve": [4.0, 5.0, 1.0, 9.0], "seconds": 10.0})
-    >>> found = gains(pairs(rows_of.normalised(rows))).iloc[0]
-    >>> [round(found[name].item(), 3) for name in ("common", "all", "only_cold", "common_over")]
-    [0.25, 0.707, 1, 1]
-    """
-    warm, cold = _floored(found["time"], floor), _floored(found["time_cold"], floor)
-    done_warm, done_cold = np.isfinite(warm), np.isfinite(cold)
-    both = done_warm & done_cold
-    common = both & ~found["fell_back"].to_numpy()
-    limit, limits = pd.factorize(found["seconds"])
-    cost = np.array([*map(penalty.seconds_at, limits), penalty.seconds_at(math.inf)])[limit]
-    charged_warm = np.where(done_warm, warm, np.maximum(cost, np.where(done_cold, cold, 0.0)))
-    charged_cold = np.where(done_cold, cold, np.maximum(cost, np.where(done_warm, warm, 0.0)))
-    with np.errstate(invalid="ignore"):
-        every = np.log(charged_warm) - np.log(charged_cold)
-        ratio = np.where(common, np.log(warm) - np.log(cold), 0.0)
-    counts = {
-        "pairs": np.ones(len(found), dtype=bool),
-        "both": both,
-        "only_warm": done_warm & ~done_cold,
-        "only_cold": ~done_warm & done_cold,
-        "neither": ~done_warm & ~done_cold,
-        "fell_back": found["fell_back"].to_numpy(),
-        "slower": both & (warm > cold),
-        "common_over": common,
-    }
-    cluster = found["sequence"].where(found["sequence"] != "", found["family"]).to_numpy(dtype=object)
-    rows: list[dict[str, object]] = []
-    for case, at in found.groupby(_CASE, sort=True).indices.items():
-        record = _named(case) | {name: int(where[at].sum()) for name, where in counts.items()}
-        families = pd.Series(cluster[at])
-        top = np.column_stack([ratio[at], every[at]])
-        bottom = np.column_stack([common[at].astype(float), np.ones(len(at))])
-        statistic = bootstrap.Statistic(("common", "all"), families.index, top, bottom, np.exp)
-        around = bootstrap.intervals(statistic, families, level=level, replicates=replicates, seed=seed)
-        for name in ("common", "all"):
-            record[name] = float(around.table.loc[name, "estimate"])
-            record |= {f"{name}_{end}": float(around.table.loc[name, end]) for end in ("low", "high")}
-        rows.append(record | {"clusters": around.families})
-    return pd.DataFrame(rows, columns=list(GAINS))
-
-
-def losses(found: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd.DataFrame:
-    """Return those of `pairs` in which the warm start loses: the cold one alone solved, or the warm one took longer.
-
-    One row a pair, per formulation, label and start the worst first (failures, then by ratio): node, label, start,
-    problem, fingerprint, sequence, step, status, time, time_cold [s], ratio (∞ for a failure).
-
-    Parameters
-    ----------
-    beyond : ratio of times above which a pair is listed; noise alone makes half of equal pairs slower than 1.
-    """
-    warm, cold = _floored(found["time"], floor), _floored(found["time_cold"], floor)
-    with np.errstate(invalid="ignore"):
-        ratio = np.where(np.isfinite(cold), warm / cold, 0.0)
-    columns = [*_CASE, "problem", "fingerprint", "sequence", "step", "status", "time", "time_cold"]
-    lost = found[columns].assign(ratio=ratio)[ratio > beyond]
-    return lost.sort_values(
-        [*_CASE, "ratio", "sequence", "step", "problem"],
-        ascending=[True, True, True, False, True, True, True],
-        ignore_index=True,
-    )
 
 
 def honoured(table: pd.DataFrame) -> list[str]:
@@ -282,10 +186,6 @@ def _measured(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with `time` and `iterations` in place of what these are made of."""
     counts = spent(rows, METRICS["iterations"])
     return rows_of.with_time(rows).assign(iterations=counts).drop(columns=["counters", *rows_of.CHARGED])
-
-
-def _floored(seconds: pd.Series[float], floor: float) -> Array:
-    return np.maximum(seconds.fillna(math.inf).to_numpy(dtype=float), floor)
 
 
 def _mean_ratio(warm: pd.Series[float], cold: pd.Series[float]) -> float:

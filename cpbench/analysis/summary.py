@@ -1,4 +1,4 @@
-"""Summary of a group of results: how much each label solved and how fast, by status, node and family."""
+"""Summary of a group of results: quantiles of times, counts by status and by family, sizes."""
 
 from __future__ import annotations
 
@@ -7,57 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, means
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.participation import REFUSED
-from cpbench.analysis.profiles import FLOOR
-from cpbench.analysis.reliability import false_claims
-from cpbench.verification import Status
-
-
-def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None, floor: float = FLOOR) -> pd.DataFrame:
-    """Count what each label solved and how fast, one row a label, best first.
-
-    Labels whose answers were made elsewhere (`table.ranked`) are not ranked: fastest is 0, slowdown and mean are NaN.
-
-    Columns: kind (weakest route), ranked, planned, ran (the solver was started), solved, lost (of what ran, by a
-    conversion, which is charged), stationary (not among the solved), false (claimed and is not, on the solver's own
-    problem), fastest (problems where it shares the lead), median [s] and slowdown (median ratio to the virtual best)
-    over what it solved, p95 and p99 [s] (`quantile`), mean [s] (shifted geometric over all problems of the group but
-    the lost ones, failures and problems that were not planned charged `penalty`).
-    """
-    every = rows_of.times(group)
-    among = rows_of.ranked(group)
-    times = every if among.all() else rows_of.times(group[among])
-    labels = every.columns
-    gap = best.gaps(times, floor).reindex(labels)
-    lost = rows_of.lost(group)
-    mean = means.means(times, shift=shift, penalty=means.Penalty(seconds=penalty), lost=lost).table["mean"]
-
-    def count(of_rows: pd.Series[str]) -> pd.Series[int]:
-        return of_rows.value_counts().reindex(labels, fill_value=0).astype(int)
-
-    found = pd.DataFrame(
-        {
-            "label": labels,
-            "kind": pd.Series(rows_of.label_kinds(group), dtype=object).reindex(labels),
-            "ranked": labels.isin(times.columns),
-            "planned": count(group["label"]),
-            "ran": count(group["label"][~group["status"].isin(REFUSED)]),
-            "solved": count(group["label"][rows_of.solved(group)]),
-            "lost": lost.sum().reindex(labels, fill_value=0).astype(int),
-            "stationary": count(group["label"][group["status"] == str(Status.STATIONARY)]),
-            "false": count(false_claims(group)["label"]),
-            "fastest": gap["fastest"].fillna(0).astype(int),
-            "median": every.where(np.isfinite(every)).median(),
-            "slowdown": gap["median"],
-            "p95": quantile(every, 0.95),
-            "p99": quantile(every, 0.99),
-            "mean": mean.reindex(labels),
-        }
-    ).reset_index(drop=True)
-    found["_less"] = -found["solved"]
-    return found.sort_values(["_less", "mean", "label"], ignore_index=True).drop(columns="_less")
 
 
 def quantile(times: pd.DataFrame, share: float) -> pd.Series[float]:
@@ -85,33 +35,6 @@ def verdicts(group: pd.DataFrame) -> pd.DataFrame:
     counts = np.bincount(label * len(found) + status, minlength=len(labels) * len(found))
     wide = pd.DataFrame(counts.reshape(len(labels), len(found)), index=labels.rename("label"), columns=list(found))
     return wide[[s for s in rows_of.STATUSES if s in wide]]
-
-
-def nodes(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarise groups, one row each: problems, labels, pairs, solved by some label, by none, and the labels that
-    solve most.
-    """
-    records: list[dict[str, object]] = []
-    for group, rows in rows_of.groups(table):
-        reached = rows.loc[rows_of.solved(rows), ["label", "fingerprint"]]
-        count = reached.groupby("label")["fingerprint"].nunique()
-        most = int(count.max()) if len(count) else 0
-        problems = rows["fingerprint"].nunique()
-        some = reached["fingerprint"].nunique()
-        records.append(
-            {
-                "group": group,
-                "problems": problems,
-                "labels": rows["label"].nunique(),
-                "pairs": len(rows),
-                "some": some,
-                "none": problems - some,
-                "most": most,
-                "best": sorted(str(label) for label in count.index[count == most]) if most else [],
-            }
-        )
-    columns = ["group", "problems", "labels", "pairs", "some", "none", "most", "best"]
-    return pd.DataFrame(records, columns=columns)
 
 
 def families(group: pd.DataFrame) -> pd.DataFrame:

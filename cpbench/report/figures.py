@@ -6,7 +6,6 @@ The object interface with the Agg canvas is used throughout: no pyplot, no globa
 from __future__ import annotations
 
 import math
-import textwrap
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cpbench.analysis.profiles import Curve, Profile
 from cpbench.formulations.base import Kind
 from cpbench.report import legend
-from cpbench.report.legend import EMPHASISED, LINE, LINES
+from cpbench.report.legend import EMPHASISED, LINES
 from cpbench.report.text import counted
 
 if TYPE_CHECKING:
@@ -53,35 +52,6 @@ def profile_guide(problems: int, cost: str = "time", least: str = "the fastest")
         f"within τ times the {cost} of {best} of that problem: at the left end the fraction where {ahead}, "
         "at the right end the fraction it solved at all."
     )
-
-
-def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks: Mapping[str, int]) -> Figure:
-    """Draw the performance profile of a group with an ordered legend beside it.
-
-    Parameters
-    ----------
-    title : what, how many problems, tolerance and limit. kinds : route kind of each label; inexact ones are dashed.
-    looks : of each label (`analysis.looks`).
-    """
-    import matplotlib
-
-    curves = sum(1 for curve in profile.curves if curve.solved)
-    with matplotlib.rc_context(STYLE):
-        figure, axes = sheet(max(4.6, 1.5 + LINE * (min(curves, LINES) + 3)), title, profile_guide(profile.problems))
-        profile_axes(axes, profile, kinds, looks)
-    return figure
-
-
-def sheet(height: float, title: str, guide: str) -> tuple[Figure, Axes]:
-    """Create a figure of a report with its title above and its guide below the axes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.2, height), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, fontweight="bold")
-    figure.supxlabel(textwrap.fill(guide, 136), x=0.01, ha="left", fontsize=7.8, color="#444444", linespacing=1.35)
-    return figure, figure.subplots()
 
 
 def profile_axes(

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cpbench.analysis.run_table import RunTable
-from cpbench.report import markdown, row_files
-from cpbench.report.html import page
+from cpbench.report import documents, page, row_files
 from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
@@ -49,8 +48,9 @@ def write_folder(
     chosen = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
     chosen |= {"has_csv": "csv" in data}
     run = assembled(given, Path(folder), histories, origins=origins, address=address, **chosen)
-    documents = [markdown.write_text(run, title, comparison), page.write(run, title)]
+    markdown, given_text = documents.write(run, title, comparison)
+    written = [markdown, page.write(run, given_text)]
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(run.timed, path)
-    return (*documents, *(path for path in files if path.suffix != ".csv"))
+    return (*written, *(path for path in files if path.suffix != ".csv"))

@@ -12,11 +12,6 @@ from cpbench.report.figures import EMPHASISED
 from cpbench.report.text import seconds
 from cpbench.verification import DIRECTION_DEGREES, INACCURATE_FACTOR, TARGET_UNRESOLVABLE
 
-LOSSES = (
-    "Here the solver met its target, and the answer that the conversion carried back does not meet the tolerance of "
-    "the problem that was asked. *Factor*: the error there over the error on the solver's own problem."
-)
-"""Sentence above a table of conversions that lost answers."""
 FLAGS = {
     "unresolvable": "rounding decides whether the answer meets the tolerance",
     TARGET_UNRESOLVABLE: "rounding decides whether the answer meets the tolerance on the solver's own problem",

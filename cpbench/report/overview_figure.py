@@ -12,8 +12,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
 from cpbench.analysis.ranking import Ranking
 from cpbench.report import legend
-from cpbench.report.figures import INEXACT, STYLE, frame, marked, profile_guide, right_end, save
-from cpbench.report.group_sections import slug_of
+from cpbench.report.figures import INEXACT, STYLE, frame, marked, right_end, save
 from cpbench.report.run import Run
 
 if TYPE_CHECKING:
@@ -46,15 +45,11 @@ class Panel:
 def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
     """Draw the figure into the folder of the run; gives its name and how to read it, ('', '') where no two solvers
     solved something that they could be compared on.
-
-    Of one formulation it is the profile that its details have.
     """
     rows = dict(run.parts)
     panels = [panel for r in chosen(rankings) if (panel := _panel(r, rows[r.group])) is not None]
     if not panels:
         return "", ""
-    if len(run.parts) == 1:
-        return f"profile-{slug_of(run, run.parts[0][0])}", profile_guide(panels[0].profile.problems)
     save(overview_figure(panels, run.looks), run.folder, NAME)
     left = ""
     if len(panels) < len(rankings):

@@ -5,17 +5,16 @@ Markdown has three digits and times in milliseconds; CSV has every digit, and se
 
 from __future__ import annotations
 
-import csv
-import io
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from cpbench.analysis.ranking import RankedSolver, Ranking
-from cpbench.report import text
-from cpbench.report.text import counted
+import pandas as pd
 
-HEAD = ("solver", "solved", "median [ms]", "× fastest", "error")
-CSV_HEAD = (
+from cpbench.analysis.ranking import Ranking
+from cpbench.report.templating import Table
+from cpbench.report.text import counted, plain
+
+FORMS = {"solver": "code", "solved": "cell", "median [ms]": "number", "× fastest": "number", "error": "number"}
+COLUMNS = (
     "formulation", "set", "tolerance", "start", "threads", "measure", "solver", "route", "problems", "counted",
     "solved", "lost", "fastest", "median_s", "times_fastest", "error",
 )  # fmt: skip
@@ -25,24 +24,24 @@ def as_markdown(rankings: Sequence[Ranking]) -> str:
     """Return a table for each ranking, under its heading."""
     parts: list[str] = []
     for ranking in rankings:
-        rows = [[text.code(row.solver), *_cells(row)] for row in ranking.rows]
-        parts += [f"**{text.plain(_heading(ranking))}**", text.table(HEAD, rows, right=range(1, len(HEAD)))]
+        rows = (
+            [row.solver, f"{row.solved} of {row.counted}", 1e3 * row.median, row.factor, row.error]
+            for row in ranking.rows
+        )
+        parts += [f"**{plain(_heading(ranking))}**", Table.of(FORMS, rows).markdown]
     return "\n\n".join(parts) + "\n"
 
 
 def as_csv(rankings: Sequence[Ranking]) -> str:
     """Return a row for each solver of each ranking; a number that is not there is an empty cell."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(CSV_HEAD)
-    for ranking in rankings:
-        group = ranking.group
-        where = [group.node, group.set, group.tolerance, group.start, group.threads, group.measure]
-        for row in ranking.rows:
-            numbers = (row.median, row.factor, row.error)
-            counts = [ranking.problems, row.counted, row.solved, row.lost, row.fastest]
-            writer.writerow([*where, row.solver, row.route, *counts, *(repr(n) if n == n else "" for n in numbers)])
-    return out.getvalue()
+    rows = [
+        [one.group.node, one.group.set, one.group.tolerance, one.group.start, one.group.threads, one.group.measure,
+         row.solver, row.route, one.problems, row.counted, row.solved, row.lost, row.fastest, row.median, row.factor,
+         row.error]
+        for one in rankings
+        for row in one.rows
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=list(COLUMNS)).to_csv(index=False, lineterminator="\n")
 
 
 WRITERS: Mapping[str, Callable[[Sequence[Ranking]], str]] = {"md": as_markdown, "csv": as_csv}
@@ -56,12 +55,3 @@ def _heading(ranking: Ranking) -> str:
     words += [f"set {group.set}"] if group.set else []
     words += [f"{group.threads} threads"] if group.threads > 1 else []
     return ", ".join([*words, *([f"judged by {group.measure}"] if group.measure else [])])
-
-
-def _cells(row: RankedSolver) -> tuple[str, ...]:
-    return f"{row.solved} of {row.counted}", *_numbers(row)
-
-
-def _numbers(row: RankedSolver) -> Iterator[str]:
-    for value in (1e3 * row.median, row.factor, row.error):
-        yield text.number(value) if math.isfinite(value) else "—"

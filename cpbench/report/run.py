@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from cpbench.analysis import contradictions, failures, reliability, remarks, starts, summary
+from cpbench.analysis import cautions, contradictions, failures, reliability, remarks, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.contradictions import Contradiction
 from cpbench.analysis.failures import Reason
@@ -22,7 +22,7 @@ from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
 from cpbench.report.legend import PALETTE
-from cpbench.report.text import counted, one_line, plain
+from cpbench.report.text import counted, one_line, plain, solve_command
 from cpbench.verification import Status
 
 
@@ -107,9 +107,9 @@ class Run:
         return rows_of.with_time(self.read)
 
     @cached_property
-    def nodes(self) -> pd.DataFrame:
-        """`summary.nodes` of all rows."""
-        return summary.nodes(self.rows)
+    def disturbance(self) -> str:
+        """What speaks against the times of the run; '' where nothing does."""
+        return cautions.disturbance(self.read, self.meta)
 
     @cached_property
     def contradictions(self) -> list[Contradiction]:
@@ -131,6 +131,14 @@ class Run:
         """Reasons why pairs were never started although their solver is there."""
         failed = failures.failures(self.rows, refused=True)
         return [reason for reason in failed if reason.status != Status.UNAVAILABLE]
+
+    def local(self, text: str) -> str:
+        """Return a text without the folder of this machine."""
+        return text.replace(str(Path.cwd()) + os.sep, "")
+
+    def again(self, row: Any) -> str:
+        """Return the command that runs a row's pair again."""
+        return self.local(solve_command(row, (self.meta.get("solvers") or {}).get(row["label"])))
 
 
 def assembled(

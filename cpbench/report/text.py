@@ -58,15 +58,6 @@ def cut(value: Any, length: int = 160) -> str:
     return line if len(line) <= length else line[: length - 1] + "…"
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()) -> str:
-    """Write a table of cells that are Markdown already; the columns `right` are aligned to the right."""
-    numbers = set(right)
-    rule = "|" + "|".join("---:" if k in numbers else "---" for k in range(len(head))) + "|"
-    # in a table a bar ends the cell even inside a code span, unless a backslash stands before it
-    lines = ["| " + " | ".join(re.sub(r"(?<!\\)\|", r"\\|", cell) for cell in row) + " |" for row in rows]
-    return "\n".join(["| " + " | ".join(head) + " |", rule, *lines])
-
-
 def fenced(lines: Iterable[str]) -> str:
     """Write lines as they are, in a code block that none of them can close."""
     body = list(lines)

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 from synthetic_results import row, suite, table
 
-from cpbench.analysis import bands, bootstrap, means, profiles
+from cpbench.analysis import bootstrap, means, profiles
 from cpbench.analysis import table as rows_of
 
 INF = math.inf
@@ -25,8 +25,7 @@ def some(problems: int = 60, seed: int = 0) -> pd.DataFrame:
     return pd.DataFrame({"a": first, "b": second}, index=[f"p{i}" for i in range(problems)])
 
 
-@pytest.mark.parametrize("method", ["percentile", "bca"])
-def test_single_problems_are_scipys_bootstrap(method: str) -> None:
+def test_single_problems_are_scipys_bootstrap() -> None:
     """Same distribution of resamples, other random numbers: ends of 9999 replicates agree to their sampling error.
 
     The 2.5 % quantile of B replicates has a standard error √(0.025·0.975/B)/f(q): with B = 9999 and a nearly normal
@@ -39,14 +38,10 @@ def test_single_problems_are_scipys_bootstrap(method: str) -> None:
     def mean(sample: np.ndarray, axis: int = -1) -> np.ndarray:
         return np.exp(np.mean(np.log(sample + shift), axis=axis)) - shift
 
-    made = bootstrap.intervals(
-        bootstrap.mean_time(times, shift, 50.0),
-        replicates=9999,
-        method=method,  # type: ignore[arg-type]
-    )
+    made = bootstrap.intervals(bootstrap.mean_time(times, shift, 50.0), replicates=9999, expanded=False)
     for k, label in enumerate(times.columns):
         theirs = stats.bootstrap(
-            (seconds[:, k],), mean, n_resamples=9999, method=method, rng=np.random.default_rng(1), vectorized=True
+            (seconds[:, k],), mean, n_resamples=9999, method="percentile", rng=np.random.default_rng(1), vectorized=True
         )
         ours = made.table.loc[label]
         assert ours["estimate"] == pytest.approx(mean(seconds[:, k]), rel=1e-12)
@@ -65,37 +60,30 @@ def test_all_replicates_are_what_resampling_by_hand_gives() -> None:
     (_, weights), *rest = bootstrap.multiplicities(count, 50, seed=5)
     assert not rest
     assert (weights.sum(axis=1) == count).all()
-    started = pd.DataFrame(np.random.default_rng(3).random(times.shape) < 0.7, times.index, times.columns)
-    rates, curves = [], []
+    averages, curves = [], []
     for weight in weights:
-        drawn = times.iloc[np.repeat(np.arange(24), weight[codes].astype(int))]
-        rates.append((np.isfinite(drawn) & started.loc[drawn.index]).sum() / started.loc[drawn.index].sum())
-        alone = profiles.performance_profile(drawn.reset_index(drop=True))
-        curves.append([[curve.at(tau) for curve in alone.curves] for tau in (1.0, 1.5, 3.0)])
-    made = bootstrap.intervals(
-        bootstrap.solve_rate(times.where(started), started),
-        families,
-        replicates=50,
-        seed=5,
-        level=0.8,
-        method="percentile",
-    )
-    expected = np.quantile(np.array(rates), [0.1, 0.9], axis=0)
+        at = np.repeat(np.arange(24), weight[codes].astype(int))
+        averages.append(np.exp(np.log(times.iloc[at].replace(INF, 50.0)).mean()))
+        ratios = profiles.ratios(times).iloc[at]
+        curves.append([(ratios["a"] <= tau).mean() for tau in (1.0, 1.5, 3.0)])
+    statistic = bootstrap.mean_time(times, 0.0, 50.0)
+    made = bootstrap.intervals(statistic, families, replicates=50, seed=5, level=0.8, expanded=False)
+    expected = np.quantile(np.array(averages), [0.1, 0.9], axis=0)
     np.testing.assert_allclose(made.table[["low", "high"]].to_numpy().T, expected, rtol=1e-12)
-    band = bands.profile_bands(times, families, [1.0, 1.5, 3.0], replicates=50, seed=5, level=0.8)
+    tau, heights = bootstrap.profile_heights(times, ["a"], profiles.FLOOR)["a"]
+    band = bootstrap.intervals(heights, families, replicates=50, seed=5, level=0.8).table
     beyond = bootstrap.tail(0.8, count)
     low, high = np.quantile(np.array(curves), [beyond, 1 - beyond], axis=0)
-    np.testing.assert_allclose(band.low, low, atol=1e-12)
-    np.testing.assert_allclose(band.high, high, atol=1e-12)
+    at = np.searchsorted(tau, (1.0, 1.5, 3.0), side="right") - 1
+    np.testing.assert_allclose(band["low"].to_numpy()[at], low, atol=1e-12)
+    np.testing.assert_allclose(band["high"].to_numpy()[at], high, atol=1e-12)
 
 
 def test_memory_blocks_change_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    times = some(30)
-    one = bootstrap.intervals(bootstrap.solve_rate(times), replicates=200)
-    band = bands.profile_bands(times, replicates=200)
+    statistic = bootstrap.mean_time(some(30), 1.0, 50.0)
+    one = bootstrap.intervals(statistic, replicates=200)
     monkeypatch.setattr(bootstrap, "CELLS", 301)
-    pd.testing.assert_frame_equal(bootstrap.intervals(bootstrap.solve_rate(times), replicates=200).table, one.table)
-    pd.testing.assert_frame_equal(bands.profile_bands(times, replicates=200).low, band.low)
+    pd.testing.assert_frame_equal(bootstrap.intervals(statistic, replicates=200).table, one.table)
 
 
 def test_resampling_problems_of_families_is_too_narrow() -> None:
@@ -119,60 +107,36 @@ def test_resampling_problems_of_families_is_too_narrow() -> None:
 
 
 def test_few_families_are_reported() -> None:
-    times = some(20)
-    by_four = pd.Series([f"f{i % 4}" for i in range(20)], index=times.index)
-    found = bootstrap.intervals(bootstrap.solve_rate(times), by_four)
+    statistic = bootstrap.mean_time(some(20), 1.0, 50.0)
+    by_four = pd.Series([f"f{i % 4}" for i in range(20)], index=statistic.problems)
+    found = bootstrap.intervals(statistic, by_four)
     assert found.families == 4
     assert found.table["few"].all()
-    assert bands.profile_bands(times, by_four).few
-    one = pd.Series("scene", index=times.index)
-    found = bootstrap.intervals(bootstrap.solve_rate(times), one)
+    found = bootstrap.intervals(statistic, pd.Series("scene", index=statistic.problems))
     assert found.table[["low", "high"]].isna().all(axis=None), "one family says nothing of others"
     assert found.table["estimate"].notna().all()
-    alone = bands.profile_bands(times, one)
-    assert alone.low.isna().all(axis=None)
-    assert alone.estimate.notna().all(axis=None)
-    nothing = bootstrap.intervals(bootstrap.solve_rate(times.iloc[:0]))
+    nothing = bootstrap.intervals(bootstrap.mean_time(some(20).iloc[:0], 1.0, 50.0))
     assert nothing.table[["estimate", "low", "high"]].isna().all(axis=None)
-    assert bands.profile_bands(times.iloc[:0]).estimate.isna().all(axis=None)
 
 
-def test_a_rate_counts_the_problems_that_a_label_was_started_on() -> None:
-    times = pd.DataFrame({"a": [1.0, 1.0, INF, INF], "b": [2.0, INF, INF, 1.0], "c": [INF] * 4}, index=list("pqrs"))
-    started = pd.DataFrame({"a": [True, True, True, False], "b": [True, False, False, False], "c": [False] * 4})
-    started.index = times.index
-    found = bootstrap.intervals(bootstrap.solve_rate(times.where(started), started))
-    assert found.table["estimate"].tolist() == pytest.approx([2 / 3, 1.0, math.nan], nan_ok=True)
-    assert found.table["problems"].tolist() == [3, 1, 0]
-    assert found.undefined > 0, "some draws have no problem that b was started on"
-
-
-def test_bands_hold_the_profile_and_end_at_the_solve_rate() -> None:
+def test_bands_hold_the_profile() -> None:
     rows = rows_of.normalised(suite(45, 12))
     times, families = rows_of.times(rows), bootstrap.families_of(rows)
-    band = bands.profile_bands(times, families)
-    assert len(band.estimate) <= bands.GRID
-    assert band.families == 5
     profile = profiles.performance_profile(times)
-    for curve in profile.curves:
-        np.testing.assert_allclose(band.estimate[curve.label], [curve.at(tau) for tau in band.estimate.index])
-    for part in (band.low, band.estimate, band.high):
-        assert (part.diff().iloc[1:] >= -1e-12).all(axis=None), "monotone"
-        assert ((part >= 0) & (part <= 1)).all(axis=None)
-    assert ((band.low <= band.estimate) & (band.estimate <= band.high)).all(axis=None)
-    rate = bootstrap.intervals(bootstrap.solve_rate(times), families).table
-    last = pd.DataFrame({"estimate": band.estimate.iloc[-1], "low": band.low.iloc[-1], "high": band.high.iloc[-1]})
-    pd.testing.assert_frame_equal(last.loc[rate.index], rate[["estimate", "low", "high"]], check_names=False)
+    for label in profile.leading(3):
+        curve = next(one for one in profile.curves if one.label == label)
+        tau, statistic = bootstrap.profile_heights(times, [label], profiles.FLOOR)[label]
+        band = bootstrap.intervals(statistic, families).table
+        assert len(tau) <= bootstrap.GRID
+        np.testing.assert_allclose(band["estimate"], [curve.at(value) for value in tau])
+        assert (band[["low", "estimate", "high"]].diff().iloc[1:] >= -1e-12).all(axis=None), "monotone"
+        assert ((band["low"] <= band["estimate"]) & (band["estimate"] <= band["high"])).all()
 
 
-def test_seeds_and_bad_arguments() -> None:
+def test_seeds_and_families() -> None:
     statistic = bootstrap.mean_time(some(), 1.0, 50.0)
     one, same, other = (bootstrap.intervals(statistic, seed=seed).table for seed in (0, 0, 1))
     pd.testing.assert_frame_equal(one, same)
     assert not one.equals(other)
-    with pytest.raises(ValueError, match="level of 95"):
-        bootstrap.intervals(statistic, level=95)
-    with pytest.raises(ValueError, match="0 replicates"):
-        bands.profile_bands(some(), replicates=0)
     rows = rows_of.normalised(table(row("p", "s", "solved", 1.0, family="x"), row("q", "s", "solved", 1.0, family="")))
     assert bootstrap.families_of(rows).to_dict() == {"f-p": "x", "f-q": ""}

@@ -8,9 +8,9 @@ from cpbench.analysis import failures
 from cpbench.analysis import table as rows_of
 
 
-def test_a_proof_of_infeasibility_is_reported() -> None:
-    rows = rows_of.normalised(table(row("p", "a", "infeasible", 1.0), row("p", "b", "max_iter", 1.0)))
-    assert failures.unsolved(rows)["proven"].tolist() == [True]
+def test_a_problem_without_a_solution_is_not_hard() -> None:
+    rows = table(row("p", "a", "infeasible", 1.0), row("p", "b", "max_iter", 1.0), row("q", "b", "max_iter", 1.0))
+    assert failures.hardest(rows_of.normalised(rows))["name"].tolist() == ["q"]
 
 
 def test_failures_are_listed_once_a_reason() -> None:

@@ -98,9 +98,6 @@ def test_steps_and_area() -> None:
     assert y.tolist() == [0, 1 / 3, 2 / 3, 2 / 3]
     assert b.area(16.0) == pytest.approx((0 * 1 + 2 * 1 / 3 + 1 * 2 / 3) / 4)
     assert b.area(1.0) == 0.0
-    x, y = profile.envelope(16.0)
-    assert x.tolist() == [1, 16]
-    assert y.tolist() == [1, 1]
 
 
 TIMES = arrays(

@@ -11,7 +11,7 @@ from synthetic_results import row, small, suite, table
 
 from cpbench.analysis import failures, reliability, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.tolerances import judged_at
+from cpbench.analysis.ranking import rankings
 from cpbench.errors import StoreError
 
 INF = math.inf
@@ -23,18 +23,6 @@ def test_time_is_of_verified_answers_only() -> None:
     parts = table(row("p", "s", "solved", 1.0, convert=0.25, setup=0.5, lift=0.125, load=99.0, verify=99.0))
     assert rows_of.with_time(parts)["time"].tolist() == [1.875]
     assert rows_of.with_time(table(row("p", "s", "solved")))["time"].tolist() == [INF], "not timed"
-
-
-def test_solve_counts() -> None:
-    found = summary.solve_counts(small(), penalty=10.0, shift=0.0).set_index("label")
-    assert found.index.tolist() == ["pgs", "lemke", "pgs@inner8"]
-    assert found["solved"].tolist() == [2, 1, 0]
-    assert found["stationary"].tolist() == [0, 0, 0]
-    assert found["false"].tolist() == [1, 1, 0], "a claim on an approximate route is no false claim"
-    assert found["fastest"].tolist() == [1, 1, 0]
-    assert found["kind"].tolist() == ["one-way", "equivalent", "approximate"]
-    assert found.loc["pgs", ["median", "slowdown"]].tolist() == [6.5, 2.5]
-    assert found["mean"].tolist() == pytest.approx([(4 * 9 * 10) ** (1 / 3), (1 * 10 * 10) ** (1 / 3), 10.0])
 
 
 def test_a_quantile_says_how_many_are_late() -> None:
@@ -54,8 +42,8 @@ def test_failures_stay_among_the_times() -> None:
     """Two failures of a hundred: p95 is the 95th time, p99 is infinite."""
     rows = [row(f"p-{k}", "s", "solved", k / 1000) for k in range(1, 99)]
     rows += [row(f"p-{k}", "s", "timeout") for k in (99, 100)]
-    found = summary.solve_counts(rows_of.normalised(table(*rows)), penalty=10.0)
-    assert found[["p95", "p99"]].to_numpy().tolist() == [[0.095, INF]]
+    times = rows_of.times(rows_of.normalised(table(*rows)))
+    assert [summary.quantile(times, share)["s"] for share in (0.95, 0.99)] == [0.095, INF]
 
 
 def half_stationary() -> pd.DataFrame:
@@ -68,41 +56,22 @@ def half_stationary() -> pd.DataFrame:
 def test_stationary_is_a_column_of_its_own() -> None:
     """It is in no time, rank or mean; it is no false claim and no failure either."""
     rows = half_stationary()
-    found = summary.solve_counts(rows, penalty=16.0, shift=0.0).set_index("label")
-    assert found.index.tolist() == ["t", "s"]
-    assert found[["solved", "stationary", "false", "fastest"]].to_numpy().tolist() == [[2, 0, 0, 1], [1, 1, 0, 1]]
-    assert found["mean"].tolist() == pytest.approx([4.0, 4.0]), "1 s, and the penalty of 16 s"
+    (found,) = rankings(rows)
+    assert [(one.solver, one.solved, one.stationary, one.false, one.fastest) for one in found.rows] == [
+        ("s", 1, 1, 0, 1),
+        ("t", 2, 0, 0, 1),
+    ]
     assert rows_of.times(rows)["s"].tolist() == [1.0, INF]
     assert rows_of.met(rows).all()
     assert failures.failures(rows) == []
-    assert reliability.claims(rows).loc["s", ["true", "false"]].tolist() == [2, 0]
+    assert reliability.claim_counts(rows).loc["s", ["made", "confirmed"]].tolist() == [2, 2]
 
 
 def test_stationary_counts_as_solved_where_that_is_environment() -> None:
     rows = rows_of.counting_stationary(half_stationary())
-    found = summary.solve_counts(rows, penalty=16.0, shift=0.0).set_index("label")
-    assert found.loc["s", ["solved", "stationary", "fastest"]].tolist() == [2, 0, 2]
+    (found,) = rankings(rows)
+    assert (found.rows[0].solver, found.rows[0].solved, found.rows[0].fastest) == ("s", 2, 2)
     assert rows["flags"].tolist().count("stationary counted as solved") == 1, "what it is stays in the row"
-    assert judged_at(rows, 1e-7)["status"].eq("solved").sum() == len(rows[rows["error"] <= 1e-7])
-
-
-def test_stationary_at_another_tolerance_stays_stationary() -> None:
-    rows = table(
-        row("p", "s", "stationary", 1.0, flags="stationary", error=1e-9),
-        row("q", "s", "wrong", 1.0, flags="direction,stationary", error=1e-5),
-        row("r", "s", "wrong", 1.0, error=1e-5),
-    )
-    assert judged_at(rows, 1e-4)["status"].tolist() == ["stationary", "stationary", "solved"]
-    assert judged_at(rows, 1e-10)["status"].tolist() == ["inaccurate", "wrong", "wrong"]
-
-
-def test_a_fast_liar_is_last() -> None:
-    rows = [row(f"p-{i}", "honest", "solved", 5.0) for i in range(4)]
-    rows += [row(f"p-{i}", "liar", "wrong", 1e-6) for i in range(4)]
-    found = summary.solve_counts(rows_of.normalised(table(*rows)), penalty=10.0)
-    assert found["label"].tolist() == ["honest", "liar"]
-    assert found["mean"].tolist() == pytest.approx([5.0, 10.0])
-    assert found["fastest"].tolist() == [4, 0]
 
 
 def test_verdicts_sum_to_the_rows() -> None:
@@ -112,16 +81,13 @@ def test_verdicts_sum_to_the_rows() -> None:
     assert list(found.columns) == [s for s in rows_of.STATUSES if s in set(rows["status"])]
 
 
-def test_nodes_families_and_unsolved() -> None:
+def test_families_and_the_hardest_problems() -> None:
     rows = small()
-    node = summary.nodes(rows).iloc[0]
-    assert (node["problems"], node["labels"], node["pairs"]) == (3, 3, 9)
-    assert (node["some"], node["none"], node["most"], node["best"]) == (2, 1, 2, ["pgs"])
     family = summary.families(rows).set_index("family")
     assert family["solved"].to_dict() == {"a": 3, "b": 0}
     assert family["best"].to_dict() == {"a": ["pgs"], "b": []}
-    unsolved = failures.unsolved(rows)
-    assert unsolved[["name", "error", "label"]].to_numpy().tolist() == [["b-1", 3e-5, "pgs"]]
+    hardest = failures.hardest(rows)
+    assert hardest[["name", "solved", "started", "error", "label"]].to_numpy().tolist() == [["b-1", 0, 3, 3e-5, "pgs"]]
 
 
 def test_groups_keep_settings_apart() -> None:
@@ -157,14 +123,14 @@ def test_nothing_changes_its_input_and_order_does_not_matter() -> None:
     before = rows.copy()
     clean = rows_of.normalised(rows)
     kept = clean.copy()
-    results = [summary.solve_counts(clean, 10.0), reliability.claims(clean), summary.verdicts(clean)]
-    results += [summary.nodes(clean), summary.families(clean), failures.unsolved(clean)]
+    results = [reliability.claim_counts(clean), summary.verdicts(clean), summary.families(clean)]
+    results.append(failures.hardest(clean))
     pd.testing.assert_frame_equal(rows, before)
     pd.testing.assert_frame_equal(clean, kept)
     mixed = rows_of.normalised(rows.sample(frac=1.0, random_state=3))
     pd.testing.assert_frame_equal(mixed, clean)
-    again = [summary.solve_counts(mixed, 10.0), reliability.claims(mixed), summary.verdicts(mixed)]
-    again += [summary.nodes(mixed), summary.families(mixed), failures.unsolved(mixed)]
+    again = [reliability.claim_counts(mixed), summary.verdicts(mixed), summary.families(mixed)]
+    again.append(failures.hardest(mixed))
     for one, two in zip(results, again, strict=True):
         pd.testing.assert_frame_equal(one, two)
 
@@ -172,9 +138,8 @@ def test_nothing_changes_its_input_and_order_does_not_matter() -> None:
 def test_an_empty_table_has_empty_answers() -> None:
     for rows in (rows_of.normalised(table()), rows_of.normalised(pd.DataFrame())):
         assert rows_of.groups(rows) == []
-        assert summary.nodes(rows).empty
         assert reliability.false_claims(rows).empty
         assert failures.flagged(rows, "direction").empty
         assert failures.failures(rows) == []
         assert reliability.inexact_routes(rows).empty
-        assert failures.unsolved(rows).empty
+        assert failures.hardest(rows).empty

@@ -43,8 +43,6 @@ def test_a_served_solver_is_marked_with_its_round_trip() -> None:
     )
     [found] = rankings(rows)
     assert {one.solver: one.warnings for one in found.rows} == {"guest": ("served (round trip 50 µs)",), "own": ()}
-    [note] = cautions.footnotes(rows, {})
-    assert (note.mark, note.labels) == ("§", ("guest",))
 
 
 def _loaded(loads: list[float]) -> pd.DataFrame:

@@ -60,8 +60,8 @@ def test_false_claims_of_no_solution_count() -> None:
             row("r", "denier", "failed", 1.0, claim="infeasible"),
         )
     )
-    found = reliability.claims(rows).loc["denier"]
-    assert found[["true", "false", "honest", "correct"]].tolist() == [1, 1, 1, 0.5]
+    found = reliability.claim_counts(rows).loc["denier"]
+    assert found[["made", "confirmed", "nonexistence", "open"]].tolist() == [3, 1, 1, 1]
     assert reliability.false_claims(rows)["label"].tolist() == ["denier"]
     assert reliability.unproved(rows)["problem"].tolist() == ["r"]
     (group,) = ranking.rankings(rows)
@@ -71,7 +71,7 @@ def test_false_claims_of_no_solution_count() -> None:
 def test_a_group_of_rows_keeps_what_others_contradict() -> None:
     """The answer was found from another start, whose rows are a group of their own."""
     rows = normalised(table(row("p", "lemke", "solved", 1.0, start="previous"), denied()))
-    assert reliability.claims(rows[rows["start"] == "cold"]).loc["denier", "false"] == 1
+    assert reliability.claim_counts(rows[rows["start"] == "cold"]).loc["denier", "nonexistence"] == 1
 
 
 def test_a_solved_problem_is_not_left_out_of_the_ranking_for_a_proof() -> None:

@@ -73,9 +73,7 @@ def test_a_restricted_solver_that_was_never_started_restricts_nothing() -> None:
 
 def test_absent_solvers_are_listed_once_with_the_reason(tmp_path: Path) -> None:
     told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T").read_text()
-    assert "- missing: `absent`, `twin`: pip install absent\n" in told
-    assert "- licence: `partly`: at most 1000 rows, found 1200\n" in told
-    assert told.count("`absent`") == 1, "in no other table"
+    assert "`absent`" not in told, "it measured nothing"
     whole = (tmp_path / "details.md").read_text()
     assert "| missing | pip install absent | `absent`, `twin` | 6 |" in whole
     assert "| licence | at most 1000 rows, found 1200 | `partly` | 1 |" in whole

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from synthetic_results import looks_of, suite
 from tiers import some_by_day
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
-from cpbench.report import convergence, figures, legend
+from cpbench.report import figures, legend, run_canvas
+from cpbench.report.text import seconds
 
 INF = math.inf
 
@@ -36,12 +39,15 @@ def texts(figure) -> list[str]:
     return [t.get_text() for t in figure.findobj(matplotlib.text.Text) if t.get_text()]
 
 
+def drawn(profile: Profile, kinds: Mapping[str, str]) -> Figure:
+    figure, axes = run_canvas.with_legend(len(profile.curves))
+    figures.profile_axes(axes, profile, kinds, looks(profile))
+    return figure
+
+
 def test_the_figure_says_what_it_shows() -> None:
     profile, kinds = profile_of(45, 22)
-    figure = figures.profile_figure(profile, "LCP: 45 problems, tolerance 1e-06, limit 10 s", kinds, looks(profile))
-    said = " ".join(" ".join(texts(figure)).split())
-    assert "45 problems, tolerance 1e-06, limit 10 s" in said
-    assert figures.profile_guide(45) in said
+    said = " ".join(" ".join(texts(drawn(profile, kinds))).split())
     for curve in profile.curves:
         assert curve.label in said
     assert "solved none: highs" in said
@@ -51,7 +57,7 @@ def test_the_figure_says_what_it_shows() -> None:
 def test_axes_and_curves() -> None:
     """Every curve is drawn from τ = 1 to the right end, as steps that hold their value to the right."""
     profile, kinds = profile_of(45, 22)
-    axes = figures.profile_figure(profile, "t", kinds, looks(profile)).axes[0]
+    axes = drawn(profile, kinds).axes[0]
     assert axes.get_xscale() == "log"
     assert axes.get_ylim() == (0.0, 1.0)
     assert axes.get_xlim()[0] == 1.0
@@ -68,7 +74,7 @@ def test_axes_and_curves() -> None:
 
 def test_colours_markers_and_dashes_tell_curves_apart() -> None:
     profile, kinds = profile_of(45, 22)
-    lines = figures.profile_figure(profile, "t", kinds, looks(profile)).axes[0].get_lines()
+    lines = drawn(profile, kinds).axes[0].get_lines()
     coloured = [line for line in lines if line.get_color() != legend.GREY]
     assert len(coloured) == figures.EMPHASISED
     assert len({(line.get_color(), line.get_marker()) for line in coloured}) == len(coloured)
@@ -81,8 +87,8 @@ def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
     rng = np.random.default_rng(0)
     times = pd.DataFrame(np.exp(rng.normal(0, 2, (20_000, 2))), columns=["a", "b"])
     profile = performance_profile(times)
-    drawn: Any = figures.profile_figure(profile, "t", {}, looks(profile)).axes[0].get_lines()
-    assert [len(line.get_xdata()) for line in drawn] == [figures.POINTS] * 2
+    shown_lines: Any = drawn(profile, {}).axes[0].get_lines()
+    assert [len(line.get_xdata()) for line in shown_lines] == [figures.POINTS] * 2
     for curve in profile.curves:
         upto = figures.right_end(profile)
         tau, height = curve.outline(upto, figures.POINTS)
@@ -109,7 +115,7 @@ def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
 )
 def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
     profile = performance_profile(times)
-    png, svg = figures.save(figures.profile_figure(profile, "title", {}, looks(profile)), tmp_path, "f")
+    png, svg = figures.save(drawn(profile, {}), tmp_path, "f")
     assert png.read_bytes().startswith(b"\x89PNG")
     assert b"</svg>" in svg.read_bytes()
 
@@ -117,8 +123,8 @@ def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
 @pytest.mark.nightly
 def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
     profile, kinds = profile_of(5, 4)
-    png, svg = figures.save(figures.profile_figure(profile, "t", kinds, looks(profile)), tmp_path, "one")
-    again = figures.save(figures.profile_figure(profile, "t", kinds, looks(profile)), tmp_path, "two")
+    png, svg = figures.save(drawn(profile, kinds), tmp_path, "one")
+    again = figures.save(drawn(profile, kinds), tmp_path, "two")
     assert [p.read_bytes() for p in again] == [p.read_bytes() for p in (png, svg)]
     assert b"dc:date" not in svg.read_bytes()
     assert b"Software" not in png.read_bytes()
@@ -127,10 +133,10 @@ def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ends", [(1.7e-3, 1.02e-2), (1e-3, 2.9e-3), (1e-3, 7.9e-3), (4e-3, 3.1e-2), (1e-6, 9.9e-5)])
 def test_labels_of_a_logarithmic_axis_do_not_touch(ends: tuple[float, float]) -> None:
-    found = pd.DataFrame({"label": "s", "seconds": ends, "error": (1.0, 1e-6), "reached": 1})
-    made = convergence.figure(found, 1, "t", looks_of(["s"]))
+    made, axes = run_canvas.with_legend(1)
+    axes.plot(ends, (1.0, 1e-6))
+    figures.log_axis(axes, "x", seconds)
     made.draw_without_rendering()
-    axes = made.axes[0]
     low, high = axes.get_xlim()
     boxes = [t.label1.get_window_extent() for t in axes.xaxis.get_major_ticks() if low <= t.get_loc() <= high]
     assert len(boxes) >= 2

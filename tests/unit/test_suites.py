@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from cpbench import graph, storage
 from cpbench.analysis import ranking_sentence as ranking
-from cpbench.analysis.participation import left_out_lines
+from cpbench.analysis.participation import lacking_lines, unreached_lines
 from cpbench.bench import skipped
 from cpbench.bench.planning import grids, run_plan, suites
 from cpbench.bench.planning.plan import Entry, Pair, Request
@@ -168,7 +168,7 @@ def test_what_cannot_be_run_has_a_row_only_where_it_was_named(tmp_path: Path) ->
             ("asked", "unsupported"), ("asked", "unavailable"), ("kept", "unavailable"),
         ], "who is broken is no one's choice"  # fmt: skip
         told = store.meta()["left_out"]
-        assert left_out_lines(told) == [
+        assert [*lacking_lines(told), *unreached_lines(told)] == [
             "no licence: kept (ask for one)",
             "not installed: gone (pip install gone)",
             "no route from lcp to guest, 2 pairs: M is not symmetric (0.3)",

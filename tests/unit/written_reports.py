@@ -12,8 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cpbench.analysis.run_table import RunTable
-from cpbench.report import markdown, row_files
-from cpbench.report.html import page
+from cpbench.report import documents, page, row_files
 from cpbench.report.run import assembled
 
 
@@ -32,7 +31,7 @@ def write_report(
     run.folder.mkdir(parents=True, exist_ok=True)
     row_files.write(run.timed, run.folder / "results.csv")
     with nullcontext() if drawn else patch.object(Figure, "savefig"):  # three formats of one take half a second
-        return markdown.write_text(run, title)
+        return documents.write(run, title)[0]
 
 
 def whole(path: Path) -> str:
@@ -50,4 +49,5 @@ def write_html(
     **chosen: Any,
 ) -> Path:
     """report.html; `chosen` is what `run.assembled` takes."""
-    return page.write(assembled(RunTable.of(table, meta), folder, histories, **chosen), title)
+    run = assembled(RunTable.of(table, meta), folder, histories, **chosen)
+    return page.write(run, documents.context(run, title))

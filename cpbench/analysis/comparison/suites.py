@@ -92,7 +92,7 @@ def mean_ratio(
     top = np.log(ratios.to_numpy(dtype=float))[:, None]
     mean = bootstrap.Statistic(("mean",), places, top, np.ones_like(top), lambda x: x)
     names = pd.Series(cluster.to_numpy(), index=places)
-    intervals = bootstrap.intervals(mean, names, level=LEVEL, seed=seed, method="percentile")
+    intervals = bootstrap.intervals(mean, names, level=LEVEL, seed=seed, expanded=False)
     estimate, low, high = (float(intervals.table.loc["mean", name]) for name in ("estimate", "low", "high"))
     k = cluster.nunique()
     wider = float(stats.t.ppf((1 + LEVEL) / 2, k - 1)) / _Z * math.sqrt(k / (k - 1)) if k > 1 else math.nan

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from typing import Any
 
 import pandas as pd
 
 from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.noise import BIAS
 from cpbench.report.comparison import words
-from cpbench.report.text import code, counted, cut, listed, plain, table
+from cpbench.report.templating import Table, rendered
+from cpbench.report.text import code, counted, cut, listed, plain
 
 MARKS = {
     PairVerdict.REGRESSED: "❌",
@@ -21,107 +22,85 @@ LISTED = 50
 """The most pairs of a table; a summary of a CI job holds 1 MiB. The rest is counted, and is in the JSON."""
 
 
-def document(comparison: Comparison) -> str:
+def document(comparison: Comparison, heading: str = "##") -> str:
     """Write the whole summary."""
-    return "\n\n".join(_parts(comparison)) + "\n"
-
-
-def section(comparison: Comparison) -> Iterator[str]:
-    """Yield the summary as a section of a report about the new side."""
-    yield f"## Compared with {code(comparison.base.name)}"
-    for part in _parts(comparison):
-        yield f"#{part}" if part.startswith("## ") else part
-
-
-def _parts(comparison: Comparison) -> Iterator[str]:
-    verdict = f"{MARKS[comparison.verdict]} {str(comparison.verdict).capitalize()}"
-    yield f"**{verdict}**: {plain(words.headline(comparison))}."
-    yield f"{code(comparison.base.name)} → {code(comparison.new.name)}" + "".join(
-        f"; {plain(version)}" for version in words.versions(comparison)
+    undecided = comparison.with_verdict(PairVerdict.INCONCLUSIVE)
+    by_time = undecided["gate"] == "time"
+    single = undecided.loc[by_time, "label_new"].value_counts().sort_index().to_dict()
+    return rendered(
+        "comparison.md.j2",
+        {
+            "comparison": comparison,
+            "heading": heading,
+            "words": words,
+            "mark": MARKS[comparison.verdict],
+            "regressed": _pairs(comparison, PairVerdict.REGRESSED),
+            "improved": _pairs(comparison, PairVerdict.IMPROVED),
+            "inconclusive": _pairs(comparison, PairVerdict.INCONCLUSIVE),
+            "suites": _suites(comparison),
+            "timed": any(suite.timed for suite in comparison.suites),
+            "bias": f"{BIAS:.0%}",
+            "single": single,
+            "single_labels": [f"{label} {count}" for label, count in single.items()],
+            "notes": _notes(comparison),
+        },
     )
-    yield from _section(comparison, PairVerdict.REGRESSED, comparison.with_verdict(PairVerdict.REGRESSED))
-    yield from _suites(comparison)
-    yield from _section(comparison, PairVerdict.IMPROVED, comparison.with_verdict(PairVerdict.IMPROVED))
-    yield from _inconclusive(comparison)
-    yield from _notes(comparison)
 
 
-def _section(comparison: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iterator[str]:
-    """Yield pairs of a verdict, after the labels whose times have it."""
-    labels = [suite for suite in comparison.suites if suite.time == verdict and verdict != PairVerdict.INCONCLUSIVE]
-    if not len(own) and not labels:
-        return
-    counts = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
-    yield f"## {str(verdict).capitalize()} ({', '.join(counts)})"
-    regressed = verdict == PairVerdict.REGRESSED
+def section(comparison: Comparison) -> str:
+    """Write the summary as a section of a report about the new side."""
+    return f"## Compared with {code(comparison.base.name)}\n\n{document(comparison, '###')}"
+
+
+def _pairs(comparison: Comparison, verdict: PairVerdict) -> dict[str, Any]:
+    """Return the pairs of a verdict, after the labels whose times have it: their table, how many there are, and how
+    many are not shown. Pairs that their time alone leaves open are not among them."""
+    own = comparison.with_verdict(verdict)
+    labels = [suite for suite in comparison.suites if suite.time == verdict]
+    if verdict == PairVerdict.INCONCLUSIVE:
+        own, labels = own[own["gate"] != "time"], []
+    forms = {"problem": "text", "solver": "code", "kind": "text", "what happened": "text"}
+    if verdict == PairVerdict.REGRESSED:
+        forms["again with"] = "code"
     rows: list[list[str]] = []
     for suite in labels:
-        cells = [f"all {suite.timed} timed", code(suite.label), "time", f"{words.times_of(suite)} times the time"]
-        rows.append(
-            [*cells, code(words.again(comparison, words.slowest(comparison, suite.label)))] if regressed else cells
-        )
+        slowest = words.again(comparison, words.slowest(comparison, suite.label)) if suite.time else ""
+        what = f"{words.times_of(suite)} times the time"
+        rows.append([f"all {suite.timed} timed", suite.label, "time", what, slowest][: len(forms)])
     for _, pair in own.head(LISTED).iterrows():
-        cells = [plain(pair["problem"]), code(_label(pair)), plain(pair["kind"]) or "—", plain(cut(pair["why"]))]
-        rows.append([*cells, code(words.again(comparison, pair))] if regressed else cells)
-    yield table(["problem", "solver", "kind", "what happened", *(["again with"] if regressed else [])], rows)
-    if len(own) > LISTED:
-        yield f"Not shown: {counted(len(own) - LISTED, 'more pair')}."
+        cells = [pair["problem"], _label(pair), pair["kind"], cut(pair["why"]), words.again(comparison, pair)]
+        rows.append(cells[: len(forms)])
+    counts = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
+    return {"table": Table.of(forms, rows), "counts": ", ".join(counts), "more": max(0, len(own) - LISTED)}
 
 
-def _suites(comparison: Comparison) -> Iterator[str]:
-    yield "## By solver"
-    yield table(
-        ["solver", "pairs", "solved", "regressed", "improved", "same", "inconclusive", "time, new / base", "timed",
-         "p", "verdict on time"],
+def _suites(comparison: Comparison) -> Table:
+    names = ("pairs", "solved", *map(str, words.ORDER), "time, new / base", "timed")
+    forms = {"solver": "code", **dict.fromkeys(names, "cell"), "verdict on time": "text"}
+    return Table.of(
+        forms,
         (
             [
-                code(suite.label),
-                str(suite.pairs),
+                suite.label,
+                suite.pairs,
                 f"{suite.solved_base} → {suite.solved_new}",
-                *(str(suite.counts[v]) for v in words.ORDER),
+                *(suite.counts[verdict] for verdict in words.ORDER),
                 words.times_of(suite),
                 f"{suite.timed} ({counted(suite.families, 'family', 'families')})" if suite.timed else "—",
-                f"{suite.p:.2g}" if suite.timed else "—",
-                plain(words.on_time(suite)),
+                words.on_time(suite),
             ]
             for suite in comparison.suites
         ),
-        right=range(1, 10),
-    )  # fmt: skip
-    if any(suite.timed for suite in comparison.suites):
-        yield (
-            "*Time*: geometric mean over the pairs that both sides solved, with a 95 % interval that resamples "
-            f"families; {plain(words.margin(comparison))}. *Regressed* or *improved*: p < "
-            f"{comparison.settings.alpha:g} "
-            "(Wilcoxon's test, and a normal one with the bias of a process; adjusted after Holm), the interval "
-            "excludes 1, and the mean is beyond 1 + δ. *Same*: the interval lies within the margin of 1. One worker "
-            f"process differs from another by about {BIAS:.0%} on all its problems, which no repetition within a run "
-            "shows: a smaller δ would be the process's."
-        )
+    )
 
 
-def _inconclusive(comparison: Comparison) -> Iterator[str]:
-    own = comparison.with_verdict(PairVerdict.INCONCLUSIVE)
-    by_time = own["gate"] == "time"
-    yield from _section(comparison, PairVerdict.INCONCLUSIVE, own[~by_time])
-    if by_time.any():
-        labels = own.loc[by_time, "label_new"].value_counts().sort_index()
-        yield (
-            f"Times of {counted(int(by_time.sum()), 'single pair')} decide nothing by themselves, and are judged "
-            f"together above: {listed([f'{label} {count}' for label, count in labels.items()])}."
-        )
-
-
-def _notes(comparison: Comparison) -> Iterator[str]:
-    missing: list[str] = []
+def _notes(comparison: Comparison) -> list[str]:
+    notes = [plain(cut(note, 400)) for note in comparison.notes]
     for own, side in ((comparison.only_base, "base"), (comparison.only_new, "new")):
         if len(own):
             names = sorted({f"{p}, {label}" for p, label in zip(own["problem"], own["label"], strict=True)})
-            missing.append(f"- only in {side} ({len(own)}): {listed(names)}")
-    notes = [f"- {plain(cut(note, 400))}" for note in comparison.notes]
-    if notes or missing:
-        yield "## Notes"
-        yield "\n".join([*notes, *missing])
+            notes.append(f"only in {side} ({len(own)}): {listed(names)}")
+    return notes
 
 
 def _label(pair: pd.Series) -> str:

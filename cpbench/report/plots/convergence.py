@@ -14,10 +14,9 @@ from cpbench.analysis import histories
 from cpbench.analysis import table as rows_of
 from cpbench.errors import CpbenchError
 from cpbench.report import canvas, figures, legend, run_canvas
-from cpbench.report import convergence as curves
 from cpbench.report.chosen import Choice, choose, matching
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
-from cpbench.report.plots.precision import require_histories
+from cpbench.report.plots.precision import dress, require_histories
 from cpbench.report.run import Run
 from cpbench.report.text import counted, cut, one_line
 
@@ -50,7 +49,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
             colour = legend.colour(place)
             axes.plot(path["seconds"], path["residual"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
-    curves.dress(axes)
+    dress(axes)
     axes.set_xlabel("time, conversion and set-up included, log scale")
     axes.set_ylabel("judged error of the iterate")
     lines = [

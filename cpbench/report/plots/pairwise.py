@@ -42,8 +42,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", against: str = "") -
     if len(names) < 2:
         raise CpbenchError(f"two solvers are needed that solve something; shown are {len(names)}")
     one, other = names
-    record = pairwise.records(found.values[[one, other]], chosen.problems, found.metric.floor).iloc[0]
-    wins, losses = (int(record[key]) for key in (("wins", "losses") if record["one"] == one else ("losses", "wins")))
+    wins, losses, ties = pairwise.record(found.values, one, other, found.metric.floor)
     both = found.values[[one, other]].clip(lower=found.metric.floor or 0.0)
     figure = canvas.page(4.6, 4.1, constrained=True)
     axes = figure.subplots()
@@ -52,8 +51,8 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", against: str = "") -
     guide = (
         f"A point is a problem: its {cost} with {one} across, with {other} upwards; above the solid line {one} is "
         f"ahead, dotted: {' and '.join(f'{r:g}' for r in RATIOS)} times. In the grey bands: not solved by that one. "
-        f"{one} is ahead on {wins}, {other} on {losses}; {int(record['ties'])} alike; "
-        f"{counted(int(record['neither']), 'problem')} solved by neither.{left_out}"
+        f"{one} is ahead on {wins}, {other} on {losses}; {ties} alike; "
+        f"{counted(chosen.problems - wins - losses - ties, 'problem')} solved by neither.{left_out}"
     )
     return run_canvas.drawn(figure, f"{one} against {other}, {chosen.scope()}", guide, chosen)
 

@@ -5,13 +5,22 @@ Needs a run with --history, which keeps the iterates of solvers that can tell th
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
 from cpbench.analysis import histories
 from cpbench.errors import CpbenchError
-from cpbench.report import convergence, run_canvas
+from cpbench.report import figures, legend, run_canvas
 from cpbench.report.chosen import Choice, SelectedRows, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.run import Run
-from cpbench.report.text import listed_plainly
+from cpbench.report.text import listed_plainly, seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @figure_kind("precision", problem=Need.NONE)
@@ -21,11 +30,11 @@ def draw(run: Run, choice: Choice) -> Drawing:
     require_histories(chosen)
     work_precision = histories.work_precision(chosen.rows, chosen.histories)
     figure, axes = run_canvas.with_legend(work_precision["label"].nunique(), notes=1)
-    convergence.curves_axes(axes, work_precision, chosen.problems, chosen.looks)
+    _curves(axes, work_precision, chosen.problems, chosen.looks)
     axes.set_xlabel("time, conversion and set-up included, log scale")
     without = sorted(set(chosen.rows["label"]) - set(work_precision["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""
-    guide = f"{convergence.guide(chosen.problems)}{left_out}"
+    guide = f"{guide_of(chosen.problems)}{left_out}"
     return run_canvas.drawn(figure, f"Error against time, {chosen.scope()}", guide, chosen)
 
 
@@ -33,3 +42,49 @@ def require_histories(chosen: SelectedRows) -> None:
     """Raise CpbenchError when no iterate of these rows was kept."""
     if not chosen.rows["key"].isin(chosen.histories["key"]).any():
         raise CpbenchError("no iterates were kept of these rows: run with --history, for solvers that tell theirs")
+
+
+def guide_of(problems: int) -> str:
+    """Return how to read the figure."""
+    if problems == 1:
+        return (
+            "A curve shows the error, as cpbench judges it, of the best iterate that the solver had after that time. "
+            "Iterates are kept at growing intervals, so that a time is an upper bound."
+        )
+    return (
+        f"A curve passes ε at the median, over the {problems} problems, of the times to the first iterate whose error, "
+        "as cpbench judges it, was at most ε; it ends where fewer than half of the problems got further. Iterates are "
+        "kept at growing intervals, so that a time is an upper bound."
+    )
+
+
+def _curves(axes: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:
+    """Draw curves of `analysis.histories.work_precision` with their legend beside them, lowest end first."""
+    curves: dict[str, pd.DataFrame] = {
+        str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
+    }
+    drawn = sorted(
+        (label for label, own in curves.items() if len(own)),
+        key=lambda label: (float(curves[label]["error"].min()), float(curves[label]["seconds"].max()), label),
+    )
+    places = {label: looks[label] for label in drawn[: legend.EMPHASISED]}
+    for label in reversed(drawn):
+        own, place = curves[label], places.get(label)
+        marks: dict[str, Any] = {} if place is None else {"markevery": 8}
+        axes.plot(own["seconds"], own["error"], drawstyle="steps-post", **legend.look(place), **marks, zorder=3)
+    dress(axes)
+    axes.set_ylabel("judged error" if problems == 1 else "judged error, on half of the problems")
+    if not drawn:
+        figures.nothing(axes, "no error was reached on half of the problems")
+    lines = [
+        legend.LegendLine(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label))
+        for label in drawn
+    ]
+    legend.beside(axes, "least error   lowest end first", lines)
+
+
+def dress(axes: Axes) -> None:
+    """Set scales, ticks and grid of errors against times."""
+    figures.log_axis(axes, "x", seconds)
+    figures.log_axis(axes, "y", lambda value: f"{value:.0e}")
+    axes.set_xlabel("time, log scale; conversion, set-up and carrying back included")

@@ -6,7 +6,6 @@ adds 95 % bootstrap bands that draw families again.
 
 from __future__ import annotations
 
-from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, cautions, pairwise
 from cpbench.analysis.profiles import performance_profile
 from cpbench.report import figures, legend, run_canvas
@@ -38,18 +37,18 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     banded = ""
     if bands and places:
         families = bootstrap.families_of(chosen.rows)
-        floor = found.metric.floor or 0.0
-        estimated = around.profile_bands(found.values, families, floor=floor, lost=found.lost)
-        upto = figures.right_end(profile)
-        for label, place in list(places.items())[:BANDS]:
-            tau = [*estimated.low.index, upto]
-            low, high = ([*end[label], end[label].iloc[-1]] for end in (estimated.low, estimated.high))
-            axes.fill_between(tau, low, high, step="post", color=legend.colour(place), alpha=0.16, linewidth=0)
-        few = "; with so few a rough guess" if estimated.few else ""
-        banded = (
-            f" Bands: 95 % at each τ by itself, {counted(estimated.families, 'family', 'families')} drawn again "
-            f"{estimated.replicates} times{few}."
-        )
+        leading = list(places)[:BANDS]
+        heights = bootstrap.profile_heights(found.values, leading, found.metric.floor or 0.0, found.lost)
+        for label, (tau, statistic) in heights.items():
+            around = bootstrap.intervals(statistic, families)
+            low, high = (around.table[end].to_numpy()[[*range(len(tau)), -1]] for end in ("low", "high"))
+            ends = [*tau, figures.right_end(profile)]
+            axes.fill_between(ends, low, high, step="post", color=legend.colour(places[label]), alpha=0.16, linewidth=0)
+            few = "; with so few a rough guess" if around.families < bootstrap.FEW else ""
+            banded = (
+                f" Bands: 95 % at each τ by itself, {counted(around.families, 'family', 'families')} drawn again "
+                f"{around.replicates} times{few}."
+            )
     swapped = pairwise.reversals(found.values, profile.leading(legend.EMPHASISED), floor=found.metric.floor)
     caution = ""
     if swapped:

@@ -1,18 +1,20 @@
-"""The rows of a run as columns of codes and numbers, and what the codes mean.
+"""The rows of a run as columns of codes and numbers, what the codes mean, and both as one text that may stand in HTML.
 
-Rows are in the order of their groups, so that a group is a stretch of them. Text is kept once and pointed at. A row has
-its status at the planned tolerance and at other powers of ten. Up to WHOLE rows every pair has all its facts; beyond
-that, costs and verdicts of all pairs stay, but only KEPT failures have their messages, parts and commands, and numbers
-have seven digits.
+Rows are in the order of their groups, so that a group is a stretch of them. Text is kept once and pointed at. Up to
+WHOLE rows every pair has all its facts; beyond that, costs and verdicts of all pairs stay, but only KEPT failures have
+their messages, parts and commands, and numbers have seven digits.
+
+The text is base64 of gzip of a frame (`frames`): a column is a typed array of the browser. The alphabet of base64 has
+no `<`, so that no text of a results file can end the element that holds it.
 """
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,22 +24,24 @@ from cpbench.analysis import histories, metrics, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.participation import REFUSED
+from cpbench.analysis.profiles import performance_profile
 from cpbench.analysis.table import CHARGED, ResultGroup
-from cpbench.analysis.tolerances import Ladders, ladders
-from cpbench.report.html.embedded_data import Column
+from cpbench.foundation import frames
 from cpbench.report.matrix import SYMBOLS
+from cpbench.report.methods import FLAGS, KINDS
 from cpbench.report.run import Run, group_name_text
-from cpbench.report.text import one_line, solve_command
-from cpbench.verification import VERIFIED, Status
+from cpbench.report.text import one_line
+from cpbench.verification import VERIFIED
+
+Column = np.ndarray[tuple[int], np.dtype[Any]]
 
 WHOLE = 20_000
 """Rows up to which a page has every pair with all its facts."""
 KEPT = 4_000
 """Failures with all their facts on a page of more rows: the first ones of every solver and status."""
-DECADES = range(1, 13)
-"""Tolerances 10^-k, besides the planned one, at which the page shows statuses."""
-ITERATES = 200_000
-"""The most iterates of histories on a page."""
+ALIGNED = 8
+LEVEL = 5
+"""Of compression: 6 takes twice as long and saves one byte of thirty."""
 TEXTS = (
     "route",
     "kind",
@@ -71,20 +75,16 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "ranked": rows_of.ranked(rows).to_numpy(dtype=np.int64),
         "error": rows["error"].to_numpy(dtype=float),
     }
-    judged = ladders(rows)
-    columns |= {f"status.{k}": _judged(judged, float(f"1e-{k}")) for k in DECADES}
     known = _metrics(rows, whole)
     columns |= {metric.name: metrics.spent(rows, metric) for metric in known}
     detail, texts = _details(run, rows, whole)
     columns |= detail
     if not whole:
         columns = {name: c.astype(np.float32) if c.dtype == np.float64 else c for name, c in columns.items()}
-    columns |= _paths(run, rows)
     places = dict(zip(labels, range(len(labels)), strict=True))
     facts = {
         "rows": len(run.rows),
         "whole": whole,
-        "iterates": len(run.histories),
         "kept": int((columns["detail"] > 0).sum()),
         "status": _statuses(),
         "metrics": [
@@ -93,9 +93,12 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "problems": _problems(rows, prints),
         "origins": {family: origin._asdict() for family, origin in run.origins.items()},
         "labels": _labels(run, rows, list(labels)),
-        "groups": _groups(run, parts, problem, label, places),
+        "groups": _groups(run, parts, problem, places),
         "texts": texts,
+        "notes": {"flags": FLAGS, "kinds": KINDS},
     }
+    sizes = [(part["fingerprint"].nunique(), int(rows_of.solved(part).sum())) for _, part in parts]
+    facts["first"] = sizes.index(max(sizes)) if sizes else 0
     return columns, facts
 
 
@@ -122,20 +125,11 @@ def _metrics(rows: pd.DataFrame, whole: bool) -> list[metrics.Metric]:
     return [m for m in present if m.name == "time" or np.isfinite(metrics.spent(rows, m)[done]).any()]
 
 
-def _judged(judged: Ladders, tolerance: float) -> Column:
-    """Return the statuses at a tolerance, as places in STATUSES."""
-    names = list(rows_of.STATUSES)
-    places = np.array([[names.index(outcome) for outcome in one] for one in judged.outcomes], dtype=np.int64)
-    return places.reshape(-1, 4)[judged.code, judged.rungs(tolerance)]
-
-
 def _statuses() -> dict[str, Any]:
     names = list(rows_of.STATUSES)
     return {
         "names": names,
-        "lost": [int(name == Status.LOST) for name in names],
         "verified": [int(name in VERIFIED) for name in names],
-        "refused": [int(name in REFUSED) for name in names],
         "symbols": [SYMBOLS[name].strip() for name in names],
     }
 
@@ -153,7 +147,10 @@ def _details(run: Run, rows: pd.DataFrame, whole: bool) -> tuple[dict[str, Colum
         code, distinct = _codes(kept[name])
         columns[f"detail.{name}"] = code
         texts[name] = [_digits(text) if name in ("parts", "counters") else text for text in distinct]
-    code, texts["command"] = _codes(pd.Series(_commands(run, kept), dtype=object))
+    names = ["origin", "request", "label", "solver", "address", "tolerance", "seconds", "start"]
+    names += [starts.BEGAN] if starts.BEGAN in kept else []
+    commands = [run.again(row) for row in kept[names].to_dict("records")]
+    code, texts["command"] = _codes(pd.Series(commands, dtype=object))
     columns["detail.command"] = code
     for name in (*CHARGED, *PLAIN):
         if kept[name].notna().any() if name not in ("code", "signal") else _numeric(kept[name]).notna().any():
@@ -185,17 +182,8 @@ def _digits(text: str) -> str:
     return json.dumps({str(k): short(v) for k, v in json.loads(text).items()}, ensure_ascii=False, allow_nan=False)
 
 
-def _commands(run: Run, rows: pd.DataFrame) -> list[str]:
-    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    here = str(Path.cwd()) + os.sep
-    names = ["origin", "request", "label", "solver", "address", "tolerance", "seconds", "start"]
-    names += [starts.BEGAN] if starts.BEGAN in rows else []
-    listed = rows[names].to_dict("records")
-    return [solve_command(row, sheets.get(str(row["label"]))).replace(here, "") for row in listed]
-
-
 def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]:
-    identity = ["fingerprint", "problem", "address", "sizes", "sequence", "step"]
+    identity = ["fingerprint", "problem", "address", "sizes"]
     first = rows[identity].drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
     family = families_of(rows).reindex(list(prints)).fillna("")
     names = rows_of.problem_names(first.reset_index())
@@ -204,8 +192,6 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
         "address": [one_line(address) for address in first["address"]],
         "family": family.astype(str).tolist(),
         "sizes": [_sizes(text) for text in first["sizes"]],
-        "sequence": first["sequence"].tolist(),
-        "step": [None if math.isnan(step) else step for step in first["step"]],
     }
 
 
@@ -214,69 +200,90 @@ def _sizes(text: str) -> dict[str, float]:
 
 
 def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, list[Any]]:
-    elsewhere = rows_of.ranked(rows).groupby(rows["label"]).all()
-    origin = (rows["origin"] != "").groupby(rows["label"]).any()
+    ranked = rows_of.ranked(rows).groupby(rows["label"]).all()
     return {
         "name": [one_line(label) for label in labels],
         "look": [run.looks[label] for label in labels],
-        "elsewhere": [int(bool(origin[label])) for label in labels],
-        "ranked": [int(bool(elsewhere[label])) for label in labels],
+        "ranked": [int(bool(ranked[label])) for label in labels],
     }
 
 
 def _groups(
-    run: Run,
-    parts: Sequence[tuple[ResultGroup, pd.DataFrame]],
-    problem: Column,
-    label: Column,
-    places: Mapping[str, int],
+    run: Run, parts: Sequence[tuple[ResultGroup, pd.DataFrame]], problem: Column, places: Mapping[str, int]
 ) -> list[dict[str, Any]]:
-    """Describe the groups: settings, the stretch of rows of each, its problems in order of name, labels in their
-    order.
-    """
+    """Describe the groups: settings, the stretch of rows of each, its problems in order of name, its labels in order of
+    the area under their profile, and the curves of error against time."""
     groups: list[dict[str, Any]] = []
     first = 0
     for group, rows in parts:
-        stretch = slice(first, first + len(rows))
         names = pd.DataFrame({"name": rows_of.problem_names(rows).to_numpy(), "fingerprint": rows["fingerprint"].array})
-        order = names.assign(code=problem[stretch]).drop_duplicates("fingerprint").sort_values(["name", "fingerprint"])
-        most = rows_of.limit(rows)
-        kinds = rows_of.label_kinds(rows)
+        names["code"] = problem[first : first + len(rows)]
+        order = names.drop_duplicates("fingerprint").sort_values(["name", "fingerprint"])
         groups.append(
             {
                 "name": group_name_text(run, group),
-                "node": group.node,
                 "tolerance": group.tolerance,
-                "start": group.start,
-                "threads": group.threads,
-                "limit": most if math.isfinite(most) else None,
                 "first": first,
                 "count": len(rows),
                 "problems": [int(code) for code in order["code"]],
-                "labels": sorted(int(code) for code in np.unique(label[stretch])),
-                "kinds": {str(places[name]): kind for name, kind in kinds.items()},
+                "order": [places[label] for label in _order(rows)],
+                "precision": _precision(rows, run.histories),
             }
         )
         first += len(rows)
     return groups
 
 
-def _paths(run: Run, rows: pd.DataFrame) -> dict[str, Column]:
-    """Return iterates that were better than all before them, of the recorded solves: nothing else shows in any
-    figure.
+def _order(rows: pd.DataFrame) -> list[str]:
+    """Return the labels of a group: by the area under the performance profile of their times those that solve something
+    and are ranked, then the others, in order of label."""
+    compared = rows_of.only_ranked(rows)
+    leading: list[str] = []
+    if len(compared):
+        times, lost = rows_of.times(compared), rows_of.lost(compared)
+        profile = performance_profile(times, rows["fingerprint"].nunique(), lost=lost)
+        leading = profile.leading(len(profile.curves))
+    first = set(leading)
+    return [*leading, *sorted(set(rows["label"]) - first)]
+
+
+def _precision(rows: pd.DataFrame, kept: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the curves of error against median time of a group, from the iterates that were kept."""
+    if not len(kept):
+        return []
+    reached = histories.work_precision(rows, kept)
+    drawn = reached[np.isfinite(reached["seconds"]) & (reached["seconds"] > 0)]
+    return [
+        {
+            "label": one_line(label),
+            "seconds": [float(f"{value:.4g}") for value in curve["seconds"]],
+            "error": curve["error"].tolist(),
+        }
+        for label, curve in drawn.groupby("label")
+    ]
+
+
+def packed(columns: Mapping[str, Column], facts: Mapping[str, Any]) -> str:
+    """Pack columns and facts into a text; integers take the smallest type that holds them.
+
+    >>> columns, facts = unpacked(packed({"x": np.array([1.5]), "k": np.array([7, 300])}, {"title": "</script>"}))
+    >>> columns["x"].tolist(), columns["k"].tolist(), columns["k"].dtype.name, facts["title"]
+    ([1.5], [7, 300], 'uint16', '</script>')
     """
-    if not len(run.histories):
-        return {}
-    place = pd.Series(np.arange(len(rows)), index=rows["key"])
-    iterates = histories.charged(rows, run.histories)
-    error = iterates["error"].fillna(math.inf)
-    before = error.groupby(iterates["key"], sort=False).cummin().groupby(iterates["key"], sort=False).shift()
-    iterates = iterates[(error < before.fillna(math.inf)) & np.isfinite(error)]
-    if len(iterates) > ITERATES:
-        return {}
-    row = place[iterates["key"]].to_numpy(dtype=np.int64)
-    return {
-        "path.row": row,
-        "path.seconds": iterates["seconds"].to_numpy(dtype=float),
-        "path.error": iterates["error"].to_numpy(dtype=float),
-    }
+    typed = {name: values.astype(_smallest_type(values)) for name, values in columns.items()}
+    frame = b"".join(frames.parts({"facts": facts}, typed, ALIGNED, finite=True))
+    return base64.b64encode(gzip.compress(frame, compresslevel=LEVEL, mtime=0)).decode("ascii")
+
+
+def unpacked(text: str) -> tuple[dict[str, Column], Any]:
+    """Unpack columns and facts from a text, as the page reads them."""
+    data = gzip.decompress(base64.b64decode(text))
+    header, columns = frames.unpack(data, types=frames.NUMBERS, aligned=ALIGNED)
+    return columns, header["facts"]
+
+
+def _smallest_type(values: Column) -> type[np.number[Any]]:
+    if values.dtype.kind == "f":
+        return np.float32 if values.dtype == np.float32 else np.float64
+    most = int(values.max(initial=0))
+    return np.uint8 if most < 2**8 else np.uint16 if most < 2**16 else np.uint32

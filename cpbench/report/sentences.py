@@ -1,0 +1,217 @@
+"""The sentences of a report: what to use, under which conditions it was run, and what it cannot tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import failures, participation, reliability
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.participation import REFUSED
+from cpbench.analysis.quotation import quotation
+from cpbench.analysis.ranking import Ranking
+from cpbench.report.run import Run
+from cpbench.report.text import code, counted, cut, listed, number, plain, seconds
+from cpbench.verification import Status
+
+ENOUGH = 20
+"""Problems of a formulation from which on a report says which solver to use."""
+DRIFT = 1.1
+"""A machine that was this many times slower at one time than at another spoils ratios."""
+
+
+def answers(run: Run) -> Iterator[str]:
+    """Yield a sentence for each formulation with enough problems and several solvers, then one about all others.
+
+    Where the machine was busy, they are about what was solved, and not about times.
+    """
+    few: list[str] = []
+    for ranking in run.rankings:
+        if ranking.problems < ENOUGH:
+            few.append(f"{plain(ranking.formulation)} ({ranking.problems_and_starts})")
+        elif len(ranking.rows) < 2:
+            few.append(f"{plain(ranking.formulation)} (1 solver)")
+        else:
+            yield f"- **{plain(ranking.formulation)}**{_title(ranking)}: {_answer(run, ranking)}"
+    if few:
+        yield f"- Too few to say, with fewer than {ENOUGH} problems or one solver: {', '.join(few)}."
+
+
+def _title(ranking: Ranking) -> str:
+    return f" ({plain(ranking.title)})" if ranking.title else ""
+
+
+def _answer(run: Run, ranking: Ranking) -> str:
+    advice = ranking.advice
+    if not advice.winner:
+        return plain(advice.text)
+    if run.disturbance:
+        most = max(row.solved for row in ranking.rows)
+        first = [row.solver for row in ranking.rows if row.solved == most]
+        return f"most problems were solved by {listed(first, 4)}: {most} of {ranking.cases}."
+    gap = " " if advice.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
+    return f"{plain(advice.before)} **{code(advice.winner)}**{gap}{plain(advice.after)}"
+
+
+def headline(run: Run) -> Iterator[str]:
+    """Yield how much was run and with which results, a sentence each; pairs that could not be run are counted apart."""
+    rows = run.rows
+    if not len(rows):
+        yield "No pair was planned: no solver is reached from the problems that were read."
+        return
+    never = int(rows["status"].isin(REFUSED).sum())
+    waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
+    problems, labels = run.read["fingerprint"].nunique(), rows["label"].nunique()
+    yield (
+        f"**{int(rows_of.solved(rows).sum())} of {counted(len(rows) - never, 'pair')} solved** "
+        f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "
+        f"{counted(len(run.false_claims), 'false claim')}."
+    )
+    if never > waiting:
+        yield f"{counted(never - waiting, 'more pair')} could not be run, and are not counted."
+    if run.stationary:
+        yield f"{run.stationary.capitalize()}."
+
+
+def conditions_line(run: Run) -> str:
+    """Return date, machine, versions, tolerance, limit and load on one line, and whether the times may be relied on."""
+    meta, machine = run.meta, run.meta.get("machine") or {}
+    loads = run.rows["loadavg"].dropna()
+    cores, memory = machine.get("threads") or machine.get("cores"), machine.get("ram_gib")
+    parts = [
+        str(meta.get("date") or ""),
+        str(machine.get("cpu") or "machine not recorded"),
+        counted(int(cores), "core") if cores else "",
+        f"{memory:g} GiB" if isinstance(memory, int | float) else "",
+        f"cpbench {meta['cpbench']}" if meta.get("cpbench") else "",
+        f"tolerance {_values(run, 'tolerance', '{:g}')}",
+        f"limit {_values(run, 'seconds', '{:g} s')}",
+        f"load {loads.median():.1f}, at most {loads.max():.1f}" if len(loads) else "",
+        quotation(meta),
+    ]
+    line = plain("; ".join(filter(None, parts))) + "."
+    return f"{line} **{plain(run.disturbance)}**" if run.disturbance else line
+
+
+def publishing(run: Run) -> Iterator[str]:
+    """Yield what must not be published, or what was left out for it."""
+    if run.left_out:
+        what = "Tables, figures and `results.csv`" if run.has_csv else "Tables and figures"
+        yield (
+            f"**Left out**, since publishing figures of {counted(len(run.left_out), 'solver')} is restricted: "
+            f"{listed(sorted(run.left_out), 12)}. {what} are of the others alone."
+        )
+    restricted = participation.restricted(run.rows, run.meta.get("solvers") or {})
+    if not restricted:
+        return
+    yield (
+        "**Not to be published as it is. Publishing these figures is restricted: "
+        f"{listed(list(restricted), 12)}.** Leave them out with {code('cpbench report RESULTS --publishable')}, "
+        "or ask the owner of the licence."
+    )
+    terms: dict[str, list[str]] = {}
+    for name, reason in restricted.items():
+        terms.setdefault(reason, []).append(name)
+    yield "\n".join(f"- {listed(names, 12)}: {plain(reason)}" for reason, names in terms.items())
+
+
+def limitations(run: Run) -> Iterator[str]:
+    """Yield what this run cannot tell, or what a reader of its numbers has to know, a sentence each."""
+    rows = run.rows
+    unproved = reliability.unproved(rows)
+    if len(unproved):
+        yield (
+            f"{counted(len(unproved), 'claim')} that there is no solution: neither proved, nor contradicted by a "
+            f"verified answer ({listed(sorted(set(unproved['label'])), 4)})."
+        )
+    wrong = failures.flagged(rows, "direction")
+    if len(wrong):
+        yield (
+            f"Accepted, but in a wrong direction ({len(wrong)}): these answers meet the tolerance, and yet some "
+            f"contact slips in a direction that the law forbids: {listed(_most_first(wrong['label']), 4)}."
+        )
+    lost = reliability.losses(rows)
+    if len(lost):
+        first = ", ".join(f"{code(r.route)} {r.lost}" for r in lost.head(4).itertuples(index=False))
+        yield (
+            f"Lost on the way back ({lost['lost'].sum()}): the solver met its target, and the answer that the "
+            f"conversion carried back does not meet the tolerance; no solver is charged: {first}."
+        )
+    inexact = reliability.inexact_routes(rows)
+    if len(inexact):
+        yield (
+            f"Routes that promise less than an answer: {listed([str(label) for label in inexact['label']], 4)} "
+            f"solved {inexact['solved'].sum()} and missed {inexact['missed'].sum()} problems; largest error "
+            f"{number(float(inexact['largest'].max()))}."
+        )
+    foreign = rows[rows["origin"] != ""]
+    if len(foreign):
+        ranked = "here they are ranked all the same" if "ranked" in foreign else "they are not ranked"
+        yield f"{counted(len(foreign), 'answer')} made elsewhere: their times are of another machine, and {ranked}."
+    refused = int(rows["status"].isin(REFUSED).sum())
+    if refused:
+        reasons = [reason for reason in run.refusals if reason.status != Status.NOT_RUN]
+        most = max(reasons, key=lambda reason: reason.count, default=None)
+        why = f" Most often ({most.count}): {plain(cut(most.message))}" if most is not None else ""
+        yield f"{counted(refused, 'pair')} could not be run: no route, or a solver that is not here.{why}"
+    left_out = run.meta.get("left_out") or []
+    yield from map(plain, participation.lacking_lines(left_out))
+    if participation.unreached_lines(left_out):
+        yield f"{plain(participation.unreached_summary(left_out))}; the reasons are in `details.md`."
+    yield from _times(run)
+
+
+def _times(run: Run) -> Iterator[str]:
+    """Yield whether the machine was fit for measuring."""
+    jobs = run.rows["jobs"].dropna()
+    shared = int((jobs > 1).sum())
+    if shared:
+        yield (
+            f"{counted(shared, 'time was', 'times were')} taken while up to {jobs.max():.0f} solves ran side by side "
+            "(column `jobs`): they share caches and memory, and are longer and less certain than times of one at a "
+            "time."
+        )
+    took = [float(r["seconds"]) for r in run.meta.get("references") or [] if r["seconds"] == r["seconds"]]
+    if len(took) > 1:
+        spread = max(took) / min(took)
+        noise = f" Time ratios below {spread:.2g} are within this machine's noise." if spread > DRIFT else ""
+        yield (
+            f"A solve that is always the same was repeated {len(took)} times during the run: it took "
+            f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}.{noise}"
+        )
+
+
+def settings(run: Run) -> list[str]:
+    """Return everything that is known of how the run was made, a line each."""
+    meta, rows = run.meta, run.rows
+    memory = sorted(rows["memory"].dropna().unique())
+    facts: dict[str, Any] = {
+        "tolerance": _values(run, "tolerance", "{:g}"),
+        "limit": _values(run, "seconds", "{:g} s a solve"),
+        "threads": _values(run, "threads", "{:g}"),
+        "repeats": _values(run, "repeats_asked", "{:g} of short solves"),
+        "start": ", ".join(sorted(set(rows["start"].unique()) - {""})),
+        "run on": meta.get("date", ""),
+        "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
+        "results file": f"SHA-256 {meta['sha256']}" if meta.get("sha256") else "",
+        **(meta.get("machine") or {}),
+        "memory limit of a solve": ", ".join(f"{m / 2**30:.3g} GiB" if m else "none" for m in memory),
+        "hosts": ", ".join(sorted(set(rows["host"].unique()) - {""})),
+        **{f"{name} (package)": version for name, version in sorted((meta.get("versions") or {}).items())},
+    }
+    lines = [f"{plain(name)}: {plain(value)}" for name, value in facts.items() if str(value)]
+    return [*lines, f"command: {code(run.local(str(meta.get('command', ''))))}"]
+
+
+def _values(run: Run, column: str, form: str) -> str:
+    """Return the values of a column over all rows; "none" stands for an infinite one."""
+    values = sorted(run.rows[column].dropna().unique())
+    return ", ".join(form.format(v) if math.isfinite(v) else "none" for v in values)
+
+
+def _most_first(labels: pd.Series[str]) -> list[str]:
+    counts = labels.value_counts()
+    return [str(label) for label in sorted(counts.index, key=lambda label: (-int(counts[label]), str(label)))]
