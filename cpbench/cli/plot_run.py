@@ -24,9 +24,7 @@ CHOICE: tuple[click.Option, ...] = (
     click.Option(["--node"], default="", metavar="NAME", help="Formulation, where the results have several."),
     ListOption(["--solver", "-s", "solvers"], metavar="GLOB", help="Solvers or labels to show (globs). Repeatable."),
     ListOption(["--family", "families"], metavar="GLOB", help="Families to show (globs). Repeatable."),
-    click.Option(
-        ["--tolerance", "-t"], type=POSITIVE, help="Tolerance of the rows; another one judges their answers again."
-    ),
+    click.Option(["--tolerance", "-t"], type=POSITIVE, help="Tolerance, where the results have several."),
     *(
         click.Option([f"--{name}"], default="", metavar=value, help=f"{name.title()}, where the results have several.")
         for name, value in (("start", "POLICY"), ("set", "NAME"), ("measure", "NAME"))

@@ -17,7 +17,6 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.metrics import MetricValues, measured, metric
 from cpbench.analysis.participation import participating
-from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.foundation import brackets
 from cpbench.report.run import Run
@@ -46,15 +45,13 @@ class SelectedRows:
 
     Attributes
     ----------
-    kinds : route kind of each label. run_tolerance : that of the run, another where `tolerance` was applied
-    to the answers afterwards. looks : of every label of the file, whatever is shown (`analysis.looks`).
+    kinds : route kind of each label. looks : of every label of the file, whatever is shown (`analysis.looks`).
     """
 
     rows: pd.DataFrame
     histories: pd.DataFrame
     node: str
     tolerance: float
-    run_tolerance: float
     problems: int
     looks: Mapping[str, int]
 
@@ -90,14 +87,11 @@ class SelectedRows:
     def conditions(self) -> str:
         """Return the end of every guide: N, tolerance, limit, start and what counts as solved."""
         most = rows_of.limit(self.rows)
-        judged = f"{self.tolerance:g}" + (
-            "" if self.run_tolerance == self.tolerance else f" (asked for: {self.run_tolerance:g})"
-        )
         limit = f"{seconds(most)} a solve" if math.isfinite(most) else "none"
         return (
-            f"N = {counted(self.problems, 'problem')} of {one_line(self.node)}; tolerance {judged}; limit {limit}; "
-            f"{self.starts or 'start not recorded'}. Solved: the error that we measure on the problem asked for is at "
-            "most the tolerance, whatever the solver says."
+            f"N = {counted(self.problems, 'problem')} of {one_line(self.node)}; tolerance {self.tolerance:g}; "
+            f"limit {limit}; {self.starts or 'start not recorded'}. Solved: the error that we measure on the problem "
+            "asked for is at most the tolerance, whatever the solver says."
         )
 
 
@@ -111,7 +105,7 @@ def choose(run: Run, choice: Choice) -> SelectedRows:
         rows = rows[rows["family"].isin(matching(known, choice.families, "family"))]
     for field, field_name in FIELDS.items():
         rows = _one_of(rows, field, str(getattr(choice, field) or ""), field_name)
-    rows, requested = _at(rows, choice.tolerance)
+    rows = _at(rows, choice.tolerance)
     rows = participating(rows)
     problems = int(rows["fingerprint"].nunique())
     node, tolerance = str(rows["node"].iloc[0]), float(rows["tolerance"].iloc[0])
@@ -120,7 +114,7 @@ def choose(run: Run, choice: Choice) -> SelectedRows:
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
-    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, requested, problems, run.looks)
+    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, problems, run.looks)
 
 
 def leading(chosen: SelectedRows, values: pd.DataFrame, most: int) -> list[str]:
@@ -173,19 +167,15 @@ def _spelled(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _at(rows: pd.DataFrame, tolerance: float) -> tuple[pd.DataFrame, float]:
-    """Return the rows at a tolerance, and that tolerance; answers to another are judged again."""
+def _at(rows: pd.DataFrame, tolerance: float) -> pd.DataFrame:
+    """Return the rows at a tolerance, or at the only one."""
     known = sorted(set(rows["tolerance"]))
+    listed = ", ".join(f"{value:g}" for value in known)
     if math.isnan(tolerance):
         if len(known) > 1:
-            shown = ", ".join(f"{value:g}" for value in known)
-            raise CpbenchError(f"the results have {len(known)} tolerances: choose one with --tolerance: {shown}")
-        return rows, float(known[0])
+            raise CpbenchError(f"the results have {len(known)} tolerances: choose one with --tolerance: {listed}")
+        return rows
     near = [value for value in known if math.isclose(value, tolerance, rel_tol=1e-9)]
-    if near:
-        return rows[rows["tolerance"] == near[0]], float(near[0])
-    if len(known) > 1:
-        raise CpbenchError(
-            f"--tolerance {tolerance:g}: nothing was solved at it; there are {', '.join(f'{v:g}' for v in known)}"
-        )
-    return judged_at(rows, tolerance), float(known[0])
+    if not near:
+        raise CpbenchError(f"--tolerance {tolerance:g}: nothing was run at it; there are {listed}")
+    return rows[rows["tolerance"] == near[0]]
