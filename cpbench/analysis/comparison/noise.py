@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 BIAS = 0.02
 """Standard deviation of the log of a process's own factor on all its times, an assumption that is reported. Where it is
@@ -73,17 +74,19 @@ class Noise:
         machine = math.log(self.drift) / SURE if math.isfinite(self.drift) else 0.0
         return math.sqrt(own + machine**2)
 
-    def law(self, spread: float) -> tuple[float, float]:
-        """Return the standard error of a mean log ratio whose pairs have `spread`, and its degrees of freedom.
+    def reach(self, spread: float, alpha: float) -> float:
+        """Return how far from 0 the mean log ratio of a label must be to be no accident at a level; `spread` is that of
+        the means of its families.
 
-        The bias has one more than `ASSUMED` where it was seen, and is known where it is assumed; the sum has what
-        Satterthwaite (Biometrics Bulletin 2 (1946)) gives it.
+        A bias that was seen has one degree of freedom more than `ASSUMED`, one that is assumed is known; the sum has
+        what Satterthwaite (Biometrics Bulletin 2 (1946)) gives it.
 
-        >>> Noise(0.05).law(0.0)[1], round(Noise(0.05, equal=1.02).law(0.0)[1], 12)
-        (inf, 3.0)
+        >>> round(Noise(0.05).reach(0.0, 0.05), 3), round(Noise(0.05, equal=1.02).reach(0.0, 0.05), 3)
+        (0.055, 0.082)
         """
         error = math.hypot(self.bias, spread)
-        return error, (ASSUMED + 1.0) * (error / self.bias) ** 4 if math.isfinite(self.equal) else math.inf
+        freedom = (ASSUMED + 1.0) * (error / self.bias) ** 4 if math.isfinite(self.equal) else math.inf
+        return float(stats.t.isf(alpha / 2, freedom)) * error
 
     @property
     def strays(self) -> float:

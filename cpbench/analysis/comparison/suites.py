@@ -2,13 +2,11 @@
 
     L_p = log(t_new / t_base),     log of the mean  L̄ = mean over the pairs solved on both sides.
 
-- Its interval resamples *families* (`analysis.bootstrap`, plain percentiles), and is widened once, for few of them, by
-  t_{k-1} / z · √(k / (k-1)): the bootstrap of k clusters has (k-1)/k of the variance, and knows it from k values only.
-- p is the larger of Wilcoxon's signed-rank test on the L_p and of L̄ against a normal law with the interval's width
-  and the bias of a worker process together (`noise`; Student's where the bias was seen): a process's own factor is
-  shared by all its problems, so that no number of them averages it away. Labels are adjusted after Holm.
+Its interval resamples *families* (`analysis.bootstrap`), since the problems of one resemble each other, and holds the
+bias of a worker process (`noise`) beside it: a process's own factor is shared by all its problems, so that no number of
+them averages it away. The level is shared by the labels (Bonferroni).
 
-Regressed: p < α, the interval excludes 1, and the mean is beyond 1 + δ. Same: the interval lies within
+Regressed: the interval excludes 1 and the mean is beyond 1 + δ. Same: the interval of the families alone lies within
 [1/(1+δ), 1+δ]. Anything else is inconclusive, with what would decide it.
 """
 
@@ -25,10 +23,10 @@ from scipy import stats
 from cpbench.analysis import bootstrap
 from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.noise import Noise
-from cpbench.analysis.comparison.times import LEVEL, holm
 
+LEVEL = 0.95
 FEWEST = 6
-"""Pairs below which Wilcoxon's test cannot reach 5 %."""
+"""Pairs below which times decide nothing."""
 MANY = 10
 """Times as many problems as there are: the most that is asked for."""
 _Z = NormalDist().inv_cdf((1 + LEVEL) / 2)
@@ -42,8 +40,8 @@ class Suite:
     ----------
     label : of the new side. pairs : compared. solved_base, solved_new, both : verified as solved.
     below : solved on both sides in less than the floor, reported and left out of what follows.
-    timed : pairs in the mean, of `families` families. ratio, low, high : geometric mean of new over base, interval.
-    p : adjusted after Holm. wilcoxon : its own p, unadjusted.
+    timed : pairs in the mean, of `families` families. ratio, low, high : geometric mean of new over base, interval over
+    the families. apart : whether 1 is outside of the interval that has the bias of a process, too.
     time : verdict on the times, None where none could be compared. why : its reason, and what would decide it.
     counts : verdicts on pairs.
     """
@@ -59,18 +57,16 @@ class Suite:
     ratio: float
     low: float
     high: float
-    p: float
-    wilcoxon: float
+    apart: bool
     time: PairVerdict | None
     why: str
     counts: dict[PairVerdict, int]
 
 
 def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tuple[Suite, ...]:
-    """Return the suites of judged pairs (`comparison.compare`), in order of label."""
-    parts = [_measured(str(label), own, noise, seed) for label, own in pairs.groupby("label_new", sort=True)]
-    adjusted = holm([part.p for part in parts])
-    return tuple(_with_verdict(replace(part, p=p), noise, alpha) for part, p in zip(parts, adjusted, strict=True))
+    """Return the suites of judged pairs (`comparison.compare`), in order of label; `alpha` is for all of them."""
+    parts = list(pairs.groupby("label_new", sort=True))
+    return tuple(_measured(str(label), own, noise, alpha / len(parts), seed) for label, own in parts)
 
 
 def mean_ratio(
@@ -100,18 +96,16 @@ def mean_ratio(
     return math.exp(estimate), *ends, count  # type: ignore[return-value]
 
 
-def _measured(label: str, own: pd.DataFrame, noise: Noise, seed: int) -> Suite:
+def _measured(label: str, own: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> Suite:
     timed = own[own["comparable"]]
-    ratio = low = high = p = wilcoxon = math.nan
-    families = 0
+    ratio = low = high = math.nan
+    families, apart = 0, False
     if len(timed):
         ratio, low, high, families = mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], seed)
-        log = np.log(timed["ratio"].to_numpy(dtype=float))
-        wilcoxon = float(stats.wilcoxon(log).pvalue) if np.any(log != 0) else 1.0
-        error, freedom = noise.law((math.log(high) - math.log(low)) / (2 * _Z))
-        p = max(wilcoxon, float(2 * stats.t.sf(abs(math.log(ratio)) / error, freedom))) if math.isfinite(error) else 1.0
+        reach = noise.reach((math.log(high) - math.log(low)) / (2 * _Z), alpha)
+        apart = len(timed) >= FEWEST and abs(math.log(ratio)) > reach and not low <= 1 <= high
     counts = own["verdict"].value_counts()
-    return Suite(
+    suite = Suite(
         label=label,
         pairs=len(own),
         solved_base=int(own["solved_base"].sum()),
@@ -123,36 +117,33 @@ def _measured(label: str, own: pd.DataFrame, noise: Noise, seed: int) -> Suite:
         ratio=ratio,
         low=low,
         high=high,
-        p=p,
-        wilcoxon=wilcoxon,
+        apart=apart,
         time=None,
         why="",
         counts={verdict: int(counts.get(str(verdict), 0)) for verdict in PairVerdict},
     )
+    return _with_verdict(suite, noise) if suite.timed else suite
 
 
-def _with_verdict(suite: Suite, noise: Noise, alpha: float) -> Suite:
-    if not suite.timed:
-        return suite
+def _with_verdict(suite: Suite, noise: Noise) -> Suite:
     edge = 1 + noise.delta
-    apart = suite.low > 1 or suite.high < 1
-    if suite.p < alpha and apart and (suite.ratio > edge or suite.ratio < 1 / edge):
+    if suite.apart and (suite.ratio > edge or suite.ratio < 1 / edge):
         verdict = PairVerdict.REGRESSED if suite.ratio > 1 else PairVerdict.IMPROVED
         return replace(suite, time=verdict)
     near = 1 + noise.margin  # a noisy machine does not make two times the same
     if 1 / near <= suite.low and suite.high <= near:
         return replace(suite, time=PairVerdict.SAME)
-    return replace(suite, time=PairVerdict.INCONCLUSIVE, why=_wanting(suite, noise, apart))
+    return replace(suite, time=PairVerdict.INCONCLUSIVE, why=_wanting(suite, noise))
 
 
-def _wanting(suite: Suite, noise: Noise, apart: bool) -> str:
+def _wanting(suite: Suite, noise: Noise) -> str:
     """Return what would decide an open verdict."""
     if suite.timed < FEWEST:
         return f"at least {FEWEST} problems that both sides solve would decide, or more repeats"
     if not math.isfinite(suite.low):
         return "more problems would decide: one leaves no interval"
     if suite.ratio > 1 + noise.delta or suite.ratio < 1 / (1 + noise.delta):
-        if apart:
+        if suite.low > 1 or suite.high < 1:
             return (
                 f"beyond {noise.delta:.1%}, but one process beside another differs by {noise.bias:.1%} by itself: "
                 "another run, with other processes, would decide"

@@ -243,7 +243,7 @@ def _noise(
     if equal is None:
         return margins
     steady = gates.unsteady(equal, settings.counter_margin)
-    seen = times.by_time(equal, equal["host_base"] == equal["host_new"], margins, settings.alpha)
+    seen = times.by_time(equal, equal["host_base"] == equal["host_new"], margins)
     timed = equal.assign(ratio=seen["ratio"])[seen["comparable"]]
     if not len(timed):
         return replace(margins, unsteady=steady)
@@ -258,7 +258,7 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, setti
     gates.by_status(own, ruling, noise.strays)
     gates.by_error(own, ruling)
     counted = gates.by_counters(own, settings.counter_margin, noise.unsteady)
-    timed = times.by_time(own, one_machine, noise, settings.alpha)
+    timed = times.by_time(own, one_machine, noise)
     moved = counted["verdict"].map({str(PairVerdict.REGRESSED): 1, str(PairVerdict.IMPROVED): -1}).fillna(0).astype(int)
     against = (moved * timed["significant"]) < 0
     why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are not texts yet

@@ -7,10 +7,10 @@
     noise             {delta, drift, spread, equal, stray, bias}
     counts            pairs by verdict
     suites            by label: {label, pairs, solved_base, solved_new, both, below, timed, families, ratio, low, high,
-                      p, wilcoxon, time, why, regressed, inconclusive, same, improved}
+                      apart, time, why, regressed, inconclusive, same, improved}
     pairs             {problem, fingerprint, label_base, label_new, solver, request, options, tolerance, start, threads,
                       set, verdict, gate, kind, why, status_base, status_new, error_base, error_new, counters_base,
-                      counters_new, time_base, time_new, ratio, low, high, p, time_verdict, command}
+                      counters_new, time_base, time_new, ratio, low, high, time_verdict, command}
     only_base, only_new   {problem, label, status} of rows without a partner
     changed, notes    texts
 
@@ -34,7 +34,7 @@ from cpbench.report.comparison import words
 SCHEMA = 1
 PAIR = ("problem", "fingerprint", "label_base", "label_new", "solver", "request", "options", "tolerance", "start",
         "threads", "set", "verdict", "gate", "kind", "why", "status_base", "status_new", "error_base", "error_new",
-        "counters_base", "counters_new", "time_base", "time_new", "ratio", "low", "high", "p",
+        "counters_base", "counters_new", "time_base", "time_new", "ratio", "low", "high",
         "time_verdict")  # fmt: skip
 JSON = ("options", "counters_base", "counters_new")
 """Columns that hold JSON already."""
