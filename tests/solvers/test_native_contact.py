@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim, compiled_error
-from scipy.optimize import brentq
+from references.nsgs import one_contact
 
 from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
@@ -20,43 +20,14 @@ from cpbench.verification import judge
 from cpbench_solvers.contact import sweeps as contact_sweeps
 
 METHODS = (
-    *("nsgs", "newton-alart-curnier", "newton-natural-map", "proximal-newton", "interior-point-fc"),
-    *(
-        "admm-fc",
-        "apgd-fc",
-        "tresca-fixed-point",
-        "aclm-fixed-point",
-        "de-saxce-fixed-point",
-        "extragradient-fc",
-        "auto-fc",
-    ),
-)
+    "nsgs", "newton-alart-curnier", "newton-natural-map", "proximal-newton", "interior-point-fc", "admm-fc", "apgd-fc",
+    "tresca-fixed-point", "aclm-fixed-point", "de-saxce-fixed-point", "extragradient-fc", "auto-fc",
+)  # fmt: skip
 
 
 def answer(output: SolverOutput) -> FCPoint:
     assert output.point is not None, output.message
     return output.point
-
-
-def one_contact(D: np.ndarray, q: np.ndarray, mu: float) -> np.ndarray:
-    """One contact in 3D by cases, sliding by a bracketed root in λ = ‖u_T‖/‖r_T‖ (Brent), as in the literature."""
-    if q[0] >= 0:
-        return np.zeros(3)
-    r = np.linalg.solve(D, -q)
-    if np.hypot(r[1], r[2]) <= mu * r[0]:
-        return r
-
-    def at(lam: float) -> np.ndarray:
-        return np.linalg.solve(D + np.diag([0.0, lam, lam]), -q)
-
-    def excess(lam: float) -> float:
-        x = at(lam)
-        return np.hypot(x[1], x[2]) - mu * x[0]
-
-    top = 1.0
-    while excess(top) > 0:
-        top *= 4.0
-    return at(brentq(excess, 0.0, top, xtol=1e-15, rtol=1e-14))
 
 
 def block(rng: np.random.Generator, skew: float) -> np.ndarray:

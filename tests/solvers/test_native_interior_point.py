@@ -15,8 +15,6 @@ from cpbench.formulations import LCP, MLCP, LCPPoint
 from cpbench.foundation.matrices import dense as dense_array
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
-from cpbench.verification import judge
-from cpbench_problems.generators.lcp_classics import fathi, murty
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 
 
@@ -69,13 +67,6 @@ def test_steps_hardly_depend_on_the_size() -> None:
         problem, _ = planted.lcp(np.random.default_rng(n), n, "positive definite")
         counts.append(solvers.get("interior-point-lcp").run(problem, Budget(tolerance=1e-8)).counters["iterations"])
     assert max(counts) <= 30
-
-
-@pytest.mark.parametrize("n", [10, 100])
-def test_worst_cases_of_murty_and_fathi(n: int) -> None:
-    for instance in (murty(n), fathi(n)):
-        output = solvers.get("interior-point-lcp").run(instance.problem, Budget(tolerance=1e-8))
-        assert judge(instance.problem, output.point, 1e-8).solved
 
 
 def obstacle_problem(N: int) -> LCP:
