@@ -15,8 +15,7 @@ from cpbench_solvers.avi.claims import load_measure, verdict_error
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench_solvers.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench_solvers.lcp.lemke_restarts import PAIRS_KERNEL
-from cpbench_solvers.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, judged
+from cpbench_solvers.lcp.lemke_run import PAIRS_KERNEL, SMALL, LemkeOptions, LemkeRun, judged
 
 OMEGA = 0.6
 """Relaxation of the sweeps where M is not symmetric and 1 does not do."""
@@ -35,7 +34,7 @@ class Lemke(Solver):
     way from it ends in a ray or takes more than n pivots, all begins again at w = q: claims of a ray come from there.
 
     What ends there without an answer or a proof begins again with larger pivots, then from bases of two unknowns
-    (`lemke_restarts`).
+    (`lemke_run.pairs`).
 
     Where rows or unknowns are in units far apart, everything happens in even ones (`even_units`), the claim too.
     """

@@ -19,7 +19,7 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
 from cpbench_solvers.contact.admm_global import Dynamics
-from cpbench_solvers.contact.condensed import condensed as condense
+from cpbench_solvers.contact.auto_global import condensed as condense
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows

@@ -26,8 +26,8 @@ from cpbench.solvers.shared.row_error import row_error
 from cpbench.verification import judge
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
+from cpbench_solvers.nonlinear.box_newton import Reformulation
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
-from cpbench_solvers.nonlinear.reformulation import Reformulation
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized,
