@@ -15,7 +15,8 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.verification.contacts import ContactAnswer
-from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, ROWS, STACKED, Groups, inverse, kept
+from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, ROWS, STACKED, Groups, kept
+from cpbench.verification.sets import inverse
 
 STACKED.enter(True, "fc")
 

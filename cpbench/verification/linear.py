@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation.matrices import SYMMETRY_TOLERANCE, Vector
-from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, AnswerError, Groups, Layout, System, every, inverse
-from cpbench.verification.sets import Flags
+from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, AnswerError, Groups, Layout, System
+from cpbench.verification.sets import Flags, inverse
 
 OWN = 0.1
 """Share by which a constraint or a bound is compared with its own terms: it is missed by at most 10 ε of them."""
@@ -60,7 +60,7 @@ def linear_error(system: System, problem: Groups | None = None) -> AnswerError:
     layout = system.frame.layout if problem is None else Layout.of_problems(system.frame, problem)
     problem, of = problem or Groups.one(system.frame.k), layout.of
     sums = system.frame.terms.sums(system.sizes)
-    if not every(np.isfinite(sums)):  # squares of such unknowns are no numbers any more
+    if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return AnswerError(np.full(problem.count, np.inf), np.zeros(problem.count))
     sizes = sizes_of(system, layout, sums)
     errors, (gap, floor) = of.largest(distances(system, layout, sizes)), gap_error(system, layout, sizes)

@@ -29,8 +29,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.rows import EPS, AnswerError, Frame, System, Terms, inverse
-from cpbench.verification.sets import Flags
+from cpbench.verification.rows import EPS, AnswerError, Frame, System, Terms
+from cpbench.verification.sets import Flags, inverse
 
 
 def row_errors(system: System) -> AnswerError:

@@ -164,7 +164,7 @@ class AnswerError:
 
 
 def _largest(values: Vector) -> float:
-    if not every(np.isfinite(values)):  # max() would drop a NaN
+    if not np.isfinite(values).all():  # max() would drop a NaN
         return math.inf
     return float(values.max(initial=0.0))
 
@@ -346,16 +346,6 @@ def kept(problem: Problem, make: Callable[[], Any]) -> Any:
     if problem not in _FRAMES:
         _FRAMES[problem] = make()
     return _FRAMES[problem]
-
-
-def every(flags: Flags) -> bool:
-    """Return whether all are true: of a few in a fourth of the time of `flags.all()`."""
-    return int(np.count_nonzero(flags)) == flags.size
-
-
-def inverse(x: Vector) -> Vector:
-    """Return 1/x, 0 where x is 0."""
-    return np.divide(1.0, x, out=np.zeros(x.shape), where=x > 0)
 
 
 def largest_of(group: Any, values: Vector, count: int) -> Vector:

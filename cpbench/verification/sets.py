@@ -69,7 +69,7 @@ class Sets:
     @cached_property
     def own_unit(self) -> Vector:
         """1 over the size of the set where that is finite, 0 elsewhere."""
-        units = _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
+        units = inverse(np.maximum(np.abs(self.lb), np.abs(self.ub)))
         return self._with_cones(units, lambda cone: cone.own_unit())
 
     def nearest(self, x: Vector) -> Vector:
@@ -188,7 +188,7 @@ class ConeFactors:
         return result
 
     def own_unit(self) -> Vector:
-        return _inverse_size(np.where(self.kind is Cone.BALL, self.mu, 0.0))[:, None]
+        return inverse(np.where(self.kind is Cone.BALL, self.mu, 0.0))[:, None]
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         own, other, unit = self._in_units(x, f, x_unit, f_unit)
@@ -238,6 +238,6 @@ def of_product(K: ProductCone, *, rows: bool = False, first: int = 0) -> tuple[V
     return lb, ub, cones
 
 
-def _inverse_size(size: Vector) -> Vector:
-    """Return 1/size, 0 where the size is 0 or infinite."""
-    return np.divide(1.0, size, out=np.zeros(size.shape), where=(size > 0) & np.isfinite(size))
+def inverse(x: Vector) -> Vector:
+    """Return 1/x, 0 where x is 0 or infinite."""
+    return np.divide(1.0, x, out=np.zeros(x.shape), where=x > 0)

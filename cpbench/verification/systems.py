@@ -12,7 +12,7 @@ from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, transpose
 from cpbench.verification.linear import orientation
-from cpbench.verification.rows import ROWS, STACKED, Frame, System, Terms, every, kept
+from cpbench.verification.rows import ROWS, STACKED, Frame, System, Terms, kept
 from cpbench.verification.sets import INFINITE, Sets
 
 BOUNDS: NodeTable[Callable[[Any], tuple[Any, Any]]] = NodeTable(
@@ -71,7 +71,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     n, m, k = z.size, P.b.size, mu.size
     # a side from 1e19 on is none: nothing holds there, and its multiplier certifies nothing
     bound = P.b > -INFINITE
-    endless = not every(bound)
+    endless = not bound.all()
     lam, b = (np.where(bound, point.lam, 0.0), np.where(bound, P.b, 0.0)) if endless else (point.lam, P.b)
 
     def frame() -> Frame:

@@ -23,7 +23,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.rows import EPS, ROUNDINGS, Caps, inverse
+from cpbench.verification.rows import EPS, ROUNDINGS, Caps
+from cpbench.verification.sets import inverse
 
 
 def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
