@@ -18,7 +18,7 @@ from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.starts import paired
 from cpbench.bench import run
-from cpbench.bench.block import block_name, predecessors, variant
+from cpbench.bench.block import block_name, predecessors
 from cpbench.bench.events import Done, Event
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
@@ -178,11 +178,6 @@ def test_scenes_of_one_name_in_two_places_are_two() -> None:
     }
     rest = _steps("s.h5::step-{}", 3, fingerprint="same")
     assert len({pair.key for pair in rest}) == 3
-
-
-def test_a_step_that_follows_is_not_read_off_a_history() -> None:
-    tight, loose = _steps("a/{}.h5", 1, limits=plan.Limits(history=True)), _steps("a/{}.h5", 1, tolerance=1e-3)
-    assert variant(tight[0]) != variant(loose[0])
 
 
 @pytest.mark.nightly
