@@ -1,7 +1,7 @@
 """How hard the tiers of the collection are: the rows and rankings of one run of each, as small tables.
 
     cpbench run --suite standard --timeout 3s --no-report -o small.sqlite      # all built-in problems
-    cpbench generate --tier standard standard
+    cpbench collection generate --tier standard standard
     cpbench run --plan reports/standard/standard.toml                          # the same solvers
     python benchmarks/difficulty.py small.sqlite standard.sqlite -o reports/standard
 

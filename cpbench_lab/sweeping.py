@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.api.answer_text import objective_of
-from cpbench.api.solution import Solution
+from cpbench.api.solution import Solution, objective_of
 from cpbench.api.solving import solve
 from cpbench.bench.planning import grids
 from cpbench.errors import CpbenchError, ProblemError, UnknownName

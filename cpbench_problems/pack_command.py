@@ -9,8 +9,8 @@ import click
 import numpy as np
 
 from cpbench import storage
+from cpbench.cli.info_command import sizes_line
 from cpbench.cli.options import Command, force_option
-from cpbench.cli.problem_text import sizes_line
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.errors import CpbenchError, FormatError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -92,7 +92,6 @@ def convert(
     via: str | Sequence[str] | None = None,
     *,
     kinds: frozenset[Kind] | None = None,
-    knobs: Mapping[str, Any] | None = None,
     apply: Apply | None = None,
 ) -> Converted:
     """Convert a problem to another formulation, by the cheapest route whose every answer is an answer.
@@ -102,8 +101,7 @@ def convert(
     to : the formulation to reach (`cpbench list formulations`); None: where `via` leads.
     via : conversions that the route must take, by name or its end, with knobs: ``"inner[facets=16]"``. They are taken
         whatever they promise.
-    kinds : the promises that other steps may have, None for exact ones. knobs : for conversions of `via` that have them
-        and whose text sets none. apply : takes each step (see `graph.arrive`).
+    kinds : the promises that other steps may have, None for exact ones. apply : takes each step (see `graph.arrive`).
 
     Raises NoRoute with the obstacles met, UnknownName.
 
@@ -120,7 +118,7 @@ def convert(
     if via:
         from cpbench.bench.planning import plan
 
-        request = plan.pinned([via] if isinstance(via, str) else list(via), knobs or {})
+        request = plan.pinned([via] if isinstance(via, str) else list(via))
         pinned = plan.parse_request(request)[1]
     if to is not None:
         graph.formulations.get(to)

@@ -16,9 +16,9 @@ from cpbench.api.concluding import conclude
 from cpbench.api.results import Results
 from cpbench.bench import skipped
 from cpbench.bench.events import Observer
-from cpbench.bench.planning import plan_file, run_plan
+from cpbench.bench.planning import run_plan
 from cpbench.bench.planning.assembly import Assembly
-from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS
+from cpbench.bench.planning.run_plan import SETTINGS
 from cpbench.bench.run import open_run, require_answers
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
@@ -61,8 +61,8 @@ def run(
     [['two', 'lemke', 'solved'], ['two', 'psor', 'solved']]
     """
     for key in plan:
-        if key not in (*SET_KEYS, *RUN_KEYS) or key in ("report", "output", "timeout", "fail_on"):
-            raise UnknownName("key of a plan", key, [key for key in (*SET_KEYS, *RUN_KEYS) if key not in _NAMED])
+        if key not in SETTINGS or key in ("report", "output", "timeout", "fail_on"):
+            raise UnknownName("key of a plan", key, [key for key in SETTINGS if key not in _NAMED])
     if out is None:
         folder = tempfile.mkdtemp(prefix="cpbench-")
         try:
@@ -86,7 +86,7 @@ def run(
         "jobs": jobs,
         "output": str(path),
     }
-    given = {key: plan_file.check(key, value) for key, value in settings.items()}
+    given = {key: SETTINGS[key].read(value) for key, value in settings.items()}
     checked = run_plan.make({**given, "report": None}, {}, [])
     remarks: list[str] = []
     observer = Observer()

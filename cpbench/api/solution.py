@@ -7,8 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from cpbench.formulations.base import Kind, Problem
+import numpy as np
+
+from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.foundation.matrices import Vector
+from cpbench.storage.program_properties import SENSE, offset
 from cpbench.verification import MET_TOLERANCE, Status, Verdict, error_text
 
 if TYPE_CHECKING:
@@ -105,3 +108,14 @@ class Solution:
         )
         title = html.escape(f"{self.problem.name or self.problem.node}: {self.status}")
         return f'<b style="color:{colour}">{title}</b><table>{rows}</table>'
+
+
+def objective_of(problem: Problem, point: Point) -> float | None:
+    """Return the value of the objective at an answer, as its file has it: with its constant, and the value of the
+    maximum where it was to be maximized; None of a problem without one."""
+    value = getattr(problem, "objective", None)
+    if value is None or not point.finite:
+        return None
+    with np.errstate(all="ignore"):
+        least = float(value(next(iter(point.arrays().values())))) + offset(problem.info)
+    return -least if problem.info.properties.get(SENSE) == "max" else least

@@ -9,7 +9,6 @@ from typing import Any
 
 from cpbench import graph, proofs, verification
 from cpbench.api.solution import Solution
-from cpbench.api.takers import advised, direct_takers
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
 from cpbench.bench.planning.nearest import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
@@ -17,9 +16,11 @@ from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.nlp import NLP
 from cpbench.foundation import brackets
+from cpbench.foundation.plurals import some_of
 from cpbench.graph import EXACT
 from cpbench.solvers import clock, warming
-from cpbench.solvers.base import Budget, Solver, parse_options, solvers
+from cpbench.solvers.automatic import automatic_solvers
+from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
 
@@ -29,6 +30,8 @@ UNASKED_SECONDS = 0.5
 """Longest search, in seconds, for each proof that no solver claims, where no answer meets the tolerance."""
 SOLVE, JUDGE = "solve", "judge"
 """Phases of `solve_there`."""
+TAKERS = 6
+"""The most solvers of others that are named."""
 
 
 @dataclass(frozen=True)
@@ -255,3 +258,50 @@ def _proof(
     if found is not None and found.proof is not None and asked is not problem:
         return replace(found, message=f"{found.message} (as {asked.node}, which has the same solutions)")
     return found
+
+
+def advised(solution: Solution) -> Solution:
+    """Return the solution; where the automatic choice ends without any answer, its message says who else takes the
+    problem."""
+    failed = solution.status is Status.FAILED and solution.point is None
+    if not failed or solution.solver not in automatic_solvers().values():
+        return solution
+    advice = other_takers(solution.problem)
+    return replace(solution, message="; ".join(filter(None, (solution.message, advice))))
+
+
+def other_takers(problem: Problem) -> str:
+    """Say which installed solvers of others take a problem: as it is, else by the nearest exact conversions; '' where
+    none does."""
+    if names := _takers(problem, native=False):
+        return f"name a solver that takes it as it is: {some_of(names, TAKERS)}"
+    for node in _nearest(problem):
+        try:
+            arrival = graph.arrive(problem, node)
+        except NoRoute:
+            continue
+        if names := _takers(arrival.problem, native=False):
+            return f"name a solver that takes it by {arrival.route.label}: {some_of(names, TAKERS)}"
+    return ""
+
+
+def direct_takers(problem: Problem) -> str:
+    """Say which installed solvers take a problem as it is."""
+    names = _takers(problem, native=True)
+    if not names:
+        return f"name a solver; cpbench list solvers {problem.node} has those that take it as it is"
+    return f"name a solver that takes it as it is: {', '.join(names)}"
+
+
+def _takers(problem: Problem, *, native: bool) -> list[str]:
+    """Return installed solvers of the formulation that do not refuse the problem; those of cpbench if `native`."""
+    of_node = (one for one in solvers if one.spec.node == problem.node and one.spec.by_default)
+    asked = (one for one in of_node if (native or one.origin != "native") and not missing(one.spec))
+    return [one.spec.name for one in asked if one.obstacle(problem) is None]
+
+
+def _nearest(problem: Problem) -> list[str]:
+    """Return the other formulations that paths of conversions lead to, those at the least cost first."""
+    others = (node for node in graph.reachable(problem.node) if node != problem.node)
+    costs = {node: routes[0].cost for node in others if (routes := graph.candidates(problem.node, node))}
+    return sorted(costs, key=costs.__getitem__)

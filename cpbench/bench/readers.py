@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 from cpbench.bench import machine
 from cpbench.bench.messages import Surveyed
@@ -20,21 +19,17 @@ MOST = 8
 """Processes that one thread of Python can keep at work."""
 
 
-@dataclass(frozen=True)
-class ReadRequest:
-    """A problem to be read: its address, the requests whose nodes are wanted, and how its file is read."""
-
-    address: str
-    requests: Sequence[Request]
-    format: str | None
-
-
 def surveys(
-    slot: Slot, asked: Sequence[ReadRequest], timeout: float, *, guesses: bool = False
+    slot: Slot,
+    asked: Mapping[tuple[str, str | None], Mapping[str, Request]],
+    timeout: float,
+    *,
+    guesses: bool = False,
 ) -> Generator[Surveyed | CpbenchError]:
     """Yield the facts of each problem in turn, or why it has none. Closing the generator ends the further processes.
 
-    timeout : of a solve. guesses : whether the starting points of files are counted.
+    asked : address and format of each problem -> the requests whose nodes are wanted, by name. timeout : of a solve.
+    guesses : whether the starting points of files are counted.
     """
     count = max(1, min(len(machine.cores()), len(asked) // EACH, MOST))
     referees = [slot.referee, *(slot.another_referee() for _ in range(count - 1))]
@@ -42,12 +37,11 @@ def surveys(
     for referee in referees:
         free.put(referee)
 
-    def one(problem: ReadRequest) -> Surveyed | CpbenchError:
-        referee = free.get()
+    def one(place: tuple[str, str | None]) -> Surveyed | CpbenchError:
+        referee, (address, file_format) = free.get(), place
         try:
-            return slot.survey(
-                problem.address, problem.requests, problem.format, timeout, guesses=guesses, referee=referee
-            )
+            requests = list(asked[place].values())
+            return slot.survey(address, requests, file_format, timeout, guesses=guesses, referee=referee)
         except CpbenchError as reason:
             return reason
         finally:

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -34,55 +35,39 @@ def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[s
 
 
 COMMANDS = (
-    "run", "solve", "convert", "lift", "verify", "info", "show", "plot", "graph", "route", "list",
-    "report", "compare", "results", "collection", "generate", "new", "check", "doctor",
+    "run", "solve", "convert", "verify", "info", "show", "plot", "graph", "list", "report", "compare", "results",
+    "collection", "new", "check", "doctor",
 )  # fmt: skip
-RESULT_COMMANDS = ("import", "merge", "export")
-"""Commands of `cpbench results`, which packages may add to; each is also found by its name alone, as it was before."""
-RESULTS = "results"
-SAYING_MORE = ("-h", "--help", "--plugin", "--plan", "--cluster")
+PLUGIN = "--plugin"
+SAYING_MORE = ("-h", "--help", "--plan", "--cluster")
 """Options with which a run has no processes here, or others than most."""
-_PLUGIN: dict[str, Any] = {
-    "multiple": True,
-    "metavar": "FILE",
-    "expose_value": False,
-    "is_eager": True,
-    "callback": _name_plugins,
-    "help": "Plugin to load: a Python file, or a TOML file that declares solvers. Repeatable.",
-}
-"""The option of the group, and of every command: it may stand before or after its name."""
 
 
-class LazyGroup(click.Group):
-    """A group whose commands live in `cpbench.cli.<name>_command`, or behind the entry points ``cpbench.commands`` of
-    other packages, and are imported on use. A name that is taken here is not taken by another package.
-    """
-
-    listed: tuple[str, ...] = COMMANDS
-    of_packages = ""
-    """Group of commands to which other packages add."""
+class Group(click.Group):
+    """A group of commands, to which the entry points ``cpbench.commands`` of other packages add."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(dict.fromkeys([*self.listed, *extensions.commands(self.of_packages)]))
+        return list(dict.fromkeys([*self.commands, *self._entries()]))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        entry = _entry(cmd_name)
+        entry = None if cmd_name in self.commands else self._entries().get(cmd_name)
         if entry is None:
-            return None
+            return self.commands.get(cmd_name)
         with uncollected():
             command: click.Command = entry.load()
-        if all(parameter.name != "plugin_files" for parameter in command.params):
-            command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
         return command
 
+    def _entries(self) -> dict[str, EntryPoint]:
+        """Return where each command is that is imported on use."""
+        return extensions.commands(self.name or "")
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the first paragraph of the docstring of each command's module, none of which is imported."""
-        entries = ((name, _entry(name)) for name in self.list_commands(ctx))
+        """Write the first paragraph of the help of each command."""
+        helps = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
         with formatter.section("Commands"):
-            formatter.write_dl([(name, extensions.summary(entry.module)) for name, entry in entries if entry])
+            formatter.write_dl([(name, (found.help or "").split("\n\n")[0]) for name, found in helps if found])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        _begin_run(args)
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError:
@@ -92,6 +77,38 @@ class LazyGroup(click.Group):
             near = difflib.get_close_matches(args[0], known, n=3)
             hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(known)}"
             ctx.fail(f"no command '{args[0]}': {hint}")
+
+
+class Commands(Group):
+    """All commands, of which each lives in `cpbench.cli.<name>_command` or in another package, and is imported on use.
+
+    A name that is taken here is not taken by another package. `--plugin FILE` may stand anywhere.
+    """
+
+    def _entries(self) -> dict[str, EntryPoint]:
+        of = extensions.COMMANDS
+        ours = {name: EntryPoint(name, f"cpbench.cli.{name}_command:command", of) for name in COMMANDS}
+        return {**ours, **{name: entry for name, entry in extensions.commands().items() if name not in ours}}
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the first paragraph of the docstring of each command's module, none of which is imported."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, extensions.summary(entry.module)) for name, entry in self._entries().items()])
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        first: list[str] = []
+        rest: list[str] = []
+        words = iter(args)
+        for word in words:
+            if word == PLUGIN:
+                first += [word, *islice(words, 1)]
+            else:
+                (first if word.startswith(f"{PLUGIN}=") else rest).append(word)
+        return super().parse_args(ctx, [*first, *rest])
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        _begin_run(args)
+        return super().resolve_command(ctx, args)
 
 
 def _begin_run(arguments: Sequence[str]) -> None:
@@ -107,16 +124,17 @@ def _begin_run(arguments: Sequence[str]) -> None:
     launch.begin(1)
 
 
-def _entry(name: str) -> EntryPoint | None:
-    """Return where the command of a name is; None without such a command."""
-    if name in COMMANDS or name in RESULT_COMMANDS:
-        return EntryPoint(name, f"cpbench.cli.{name}_command:command", extensions.COMMANDS)
-    return {**extensions.commands(RESULTS), **extensions.commands()}.get(name)
-
-
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(name="", cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="cpbench")
-@click.option("--plugin", "plugin_files", **_PLUGIN)
+@click.option(
+    PLUGIN,
+    multiple=True,
+    metavar="FILE",
+    expose_value=False,
+    is_eager=True,
+    callback=_name_plugins,
+    help="Plugin to load, anywhere on the line: a Python file, or a TOML file of solvers. Repeatable.",
+)
 def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 

@@ -52,7 +52,7 @@ def print_answer(run: RunTable) -> None:
     if many:
         print_lines(folded(unreached_summary(left_out)))
     if many or any(_fitted(line) != line for line in reasons[:LINES]):
-        print_lines(folded("why: cpbench route PROBLEM --explain, and the report"))
+        print_lines(folded("why: cpbench graph PROBLEM --explain, and the report"))
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
     if quoted := quotation(run.meta):

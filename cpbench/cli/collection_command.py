@@ -1,26 +1,39 @@
-"""List the problems of cpbench, and add and check the problem files that others publish."""
+"""List and write the problems of cpbench, simulate scenes, and add and check the problem files that others publish."""
 
 from __future__ import annotations
 
+import filecmp
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from cpbench.cli.options import Command, force_option
+from cpbench.cli import Group
+from cpbench.cli.options import Command, ListOption, force_option, seed_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
-from cpbench.cli.types import FOLDER
+from cpbench.cli.types import COUNT, DURATION, FILE, FOLDER
+from cpbench.foundation.extensions import hook
 from cpbench.foundation.plurals import counted, some_of
 from cpbench.generators.base import SMALL, TIERS
-from cpbench.generators.collection import ListedProblem, catalogue, identity
+from cpbench.generators.collection import (
+    NAME,
+    TIER_SHEETS,
+    VERSION,
+    ListedProblem,
+    builtin_folder,
+    catalogue,
+    identity,
+    write_collections,
+)
+from cpbench.storage.base import require_new
 from cpbench.storage.collections import PREFIX, added, manifests
 
 SHOWN = 5
 """Names of files that a line shows."""
-BAR = 50
-"""Characters of the longest bar of the histogram."""
 NOT_PROVED = "without a proof"
 
 
@@ -28,7 +41,7 @@ def first_line(entries: Sequence[ListedProblem]) -> str:
     """Return the identity of the collection, and how many problems each tier has."""
     counts = Counter(entry.tier for entry in entries)
     made = [f"{counts[tier]} {tier}" for tier in TIERS if tier != SMALL and counts[tier]]
-    rest = f"; {' and '.join(made)}, which cpbench generate --tier writes" if made else ""
+    rest = f"; {' and '.join(made)}, which cpbench collection generate --tier writes" if made else ""
     return f"{identity(entries)}: {counts[SMALL]} {SMALL}, installed as files{rest}"
 
 
@@ -66,17 +79,6 @@ def family_rows(entries: Sequence[ListedProblem]) -> Iterator[tuple[str, ...]]:
         yield family, node, tier, str(len(members)), span, str(proved) if proved else "·", members[0].citation
 
 
-def size_rows(entries: Sequence[ListedProblem]) -> Iterator[tuple[str, ...]]:
-    """Yield a head and a row for each decade of sizes, with a bar as long as its count; the longest has BAR signs."""
-    yield "unknowns", *TIERS, "problems", ""
-    sizes = Counter(entry.decade for entry in entries)
-    for decade in range(max(sizes) + 1):
-        tiers = Counter(entry.tier for entry in entries if entry.decade == decade)
-        counts = [str(tiers[tier]) if tiers[tier] else "·" for tier in TIERS]
-        bar = "#" * -(-BAR * sizes[decade] // max(sizes.values()))
-        yield f"{10**decade} to {10 ** (decade + 1) - 1}", *counts, str(sizes[decade]), bar
-
-
 def total_lines(entries: Sequence[ListedProblem]) -> Iterator[str]:
     """Yield counts by licence, by what is proved, and by how a solution is known."""
     for title, names in (
@@ -100,9 +102,9 @@ def from_size(decade: int) -> str:
     return f"{10**decade}+" if decade < 3 else f"1e{decade}+"
 
 
-@click.group()
+@click.group("collection", cls=Group)
 def command() -> None:
-    """List the problems of cpbench, and add and check the problem files that others publish.
+    """List and write the problems of cpbench, simulate scenes, and add and check the problem files that others publish.
 
     Of collections of others cpbench has the facts: where their files are, their licences, sizes and hashes. It has none
     of their files, and downloads none. An added collection is an address as that of a file is: `cpbench run
@@ -124,7 +126,6 @@ def list_collections(families: bool) -> None:
         print_lines(table(family_rows(entries)))
         return
     print_lines([*table(formulation_rows(entries)), ""])
-    print_lines([*table(size_rows(entries)), ""])
     print_lines([*total_lines(entries), "", "Collections of others (cpbench collection status, add):"])
     print_lines(table(_rows()))
 
@@ -196,6 +197,91 @@ def verify(names: tuple[str, ...]) -> None:
             wrong = True
             print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
     sys.exit(int(wrong))
+
+
+@command.command("generate", cls=Command)
+@click.argument("folder", required=False, type=FOLDER)
+@click.option("--family", "names", cls=ListOption, metavar="NAME", help="Family to write; needs FOLDER. Repeatable.")
+@click.option(
+    "--tier",
+    type=click.Choice(TIERS),
+    default=SMALL,
+    show_default=True,
+    help="Problems to write: small ones are shipped; others need FOLDER.",
+)
+@click.option("--check", is_flag=True, help="Write nothing; exit with 1 unless the files are the same bit for bit.")
+def generate(folder: Path | None, names: tuple[str, ...], tier: str, check: bool) -> None:
+    """Write the built-in problems again from their formulas, into FOLDER or the shipped one.
+
+    The standard tier has up to 100,000 unknowns, the large tier up to a million; each family is written before the
+    next one is made. The exit code is 1 unless all are those of the published collection. The recorded sequences
+    contact-sequence and contact-sequence-global are written only when they are named.
+    """
+    if names and folder is None:
+        raise click.UsageError("--family needs a FOLDER to write to: the shipped one holds the built-in problems")
+    if tier != SMALL:
+        if folder is None or names or check:
+            raise click.UsageError(f"--tier {tier} needs a FOLDER to write to, and goes without --family and --check")
+        written = write_collections(folder, tier=tier)
+        sheets = (path for path in _shown(written) if path.suffix == ".toml")
+        _require_same(sheets, folder, builtin_folder() / TIER_SHEETS / tier, "not as published")
+        click.echo(f"{folder}: every problem is that of {NAME} {VERSION}")
+    elif check:
+        target = folder or builtin_folder()
+        with tempfile.TemporaryDirectory() as fresh:
+            _require_same(write_collections(Path(fresh), names), Path(fresh), target, "differs")
+        click.echo(f"{target}: every file is what its formula gives, bit for bit")
+    else:
+        for path in write_collections(folder or builtin_folder(), names):
+            click.echo(str(path))
+
+
+def _shown(paths: Iterable[Path]) -> Iterator[Path]:
+    for path in paths:
+        click.echo(str(path))
+        yield path
+
+
+def _require_same(paths: Iterable[Path], folder: Path, other: Path, what: str) -> None:
+    """Exit with 1 unless the files of a folder are in the other one, bit for bit."""
+    pairs = [(path, other / path.relative_to(folder)) for path in paths]
+    different = [file for path, file in pairs if not (file.exists() and filecmp.cmp(path, file, shallow=False))]
+    print_lines((f"{what}: {file}" for file in different), err=True)
+    if different:
+        sys.exit(1)
+
+
+@command.command("scene", cls=Command)
+@click.argument("name")
+@click.option("--size", type=COUNT, help="Bodies: cubes, bricks, stones, balls, links, ...  [default: 10]")
+@click.option("--steps", type=COUNT, default=50, show_default=True, help="Number of time steps.")
+@click.option("--dt", type=DURATION, help="Time step.  [default: 5ms]")
+@click.option("--mu", type=float, help="Coefficient of friction; default: that of the scene.")
+@click.option("--mass-ratio", type=float, help="Mass of the heaviest body over that of the lightest.  [default: 1]")
+@seed_option("Seed of the random numbers.")
+@click.option("-s", "--solver", metavar="NAME", help="Solver by which the bodies move; default: cpbench chooses.")
+@tolerance_option
+@click.option("-o", "--output", type=FILE, required=True, metavar="FILE", help="File of the problems (.h5).")
+@force_option
+def scene(
+    name: str, steps: int, solver: str | None, tolerance: float, output: Path, force: bool, **chosen: Any
+) -> None:
+    """Simulate rigid bodies, and write the contact problem of each step in local and in global form.
+
+    Bodies move under gravity by Moreau and Jean's time stepping: arch, chain, chute, clusters, falling-arch, grasp,
+    rolling-heap, spheres, tower, trough, wall. The exit code is 1 unless all answers meet the tolerance.
+    """
+    require_new(output, force)
+    simulation = hook("simulate_scene")(name, solver, tolerance, **chosen)
+    with click.progressbar(simulation.run(steps), length=steps, label=name, file=sys.stderr) as made:
+        for _ in made:
+            pass
+    values = {"steps": steps, "solver": solver, "tolerance": tolerance, **chosen}
+    given = [f"--{key.replace('_', '-')} {value}" for key, value in values.items() if value is not None]
+    source = " ".join(["cpbench collection scene", name, *given])
+    print_lines(hook("write_scene")(simulation, output, source, force=force))
+    if simulation.missed:
+        sys.exit(1)
 
 
 def _extent(found: added.Found) -> str:

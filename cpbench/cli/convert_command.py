@@ -14,19 +14,16 @@ from cpbench import graph, storage
 from cpbench.api.problems import convert, load
 from cpbench.bench import starts
 from cpbench.cli import verify_command
+from cpbench.cli.info_command import sizes_line
 from cpbench.cli.options import (
     Command,
     ListOption,
-    angle_option,
-    facets_option,
     force_option,
     format_option,
     kinds_option,
-    require_with_via,
     tolerance_option,
     via_option,
 )
-from cpbench.cli.problem_text import sizes_line
 from cpbench.cli.progress import converting
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, MEMORY, PATH, SETTINGS
@@ -35,6 +32,7 @@ from cpbench.formulations import Kind, Problem, formulations
 from cpbench.generators.collection import address_text
 from cpbench.graph import Arrival, checking
 from cpbench.report.show import slip_angle
+from cpbench.storage.answers import save_vector
 from cpbench.storage.base import require_new
 from cpbench.verification import error_text
 
@@ -44,27 +42,17 @@ from cpbench.verification import error_text
 @click.argument("target_file", metavar="OUT", type=PATH)
 @click.option("--to", "node", metavar="NODE", help="Formulation to reach; default: its own.")
 @click.option(
-    "--set",
-    "settings",
-    cls=ListOption,
-    type=SETTINGS,
-    metavar="NAME=VALUE",
-    help="New value of a parameter. Repeatable.",
+    "--set", "settings", cls=ListOption, type=SETTINGS, metavar="NAME=VALUE", help="New value of a parameter."
 )
 @via_option
-@facets_option
-@angle_option
 @click.option("--as", "written", metavar="NAME", help="Format of OUT, if its suffix does not determine it.")
+@click.option("--check", is_flag=True, help="Carry an answer there and back, and show its errors and the times.")
 @click.option(
-    "--check",
-    is_flag=True,
-    help="Carry an answer there and back, and show its errors, their amplification and the times.",
-)
-@click.option(
-    "--memory", type=MEMORY, help="Largest converted problem, such as 8G; 0: no limit; default: the available memory."
+    "--memory", type=MEMORY, help="Largest converted problem, as 8G; 0: no limit; default: what is available."
 )
 @kinds_option()
 @tolerance_option
+@click.option("--lift", "converted", metavar="FILE", help="Converted problem whose answer IN is carried back to OUT.")
 @format_option
 @force_option
 def command(
@@ -73,27 +61,33 @@ def command(
     node: str | None,
     settings: tuple[tuple[str, float], ...],
     via: tuple[str, ...],
-    facets: int,
-    angle: float,
     written: str | None,
     check: bool,
     memory: int | None,
-    kinds: frozenset[Kind],
+    kinds: frozenset[Kind] | None,
     tolerance: float,
+    converted: str | None,
     file_format: str | None,
     force: bool,
 ) -> None:
     """Convert a problem to another formulation, format, or parameters; the file OUT contains all that is needed to lift
-    an answer back.
+    an answer back: `cpbench convert p.h5 q.h5 --to qp`.
 
     With --check, the solution in IN is pushed to the converted problem and lifted back. If IN has no solution that
     passes, an answer that a native solver finds to the converted problem is lifted. The exit code is 1 when the lifted
     answer of an exact conversion does not pass, or when there is none.
+
+    With --lift q.h5, IN is an answer to q.h5 (.h5, .npy, .npz, .csv), and OUT (.h5, .npy, .csv) the answer to the
+    problem that q.h5 was made of: `cpbench convert y.npy x.npy --lift q.h5`.
     """
+    require_new(target_file, force)
+    if converted is not None:
+        if node or settings or via or written or check or memory or kinds or file_format:
+            raise click.UsageError("--lift goes back the way that its FILE came: it takes IN, OUT and --force alone")
+        _lift(Path(source), target_file, converted, force)
+        return
     if node is not None:
         formulations.get(node)
-    require_with_via(via)
-    require_new(target_file, force)
     problem = load(source, format=file_format)
     node = node or problem.node
     if settings:
@@ -106,7 +100,7 @@ def command(
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
     apply = lambda edge, p: converting(edge, p, done, room)  # noqa: E731
-    arrival = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}, apply=apply).arrival
+    arrival = convert(problem, node, via, kinds=kinds, apply=apply).arrival
     guesses, lost = carried_starts(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
     print_lines([f"{address_text(source)} ({problem.node}: {sizes_line(problem)})"])
@@ -122,6 +116,21 @@ def command(
         print_lines(check_lines(problem, report, tolerance))
         if not report.passed:
             sys.exit(1)
+
+
+def _lift(answer: Path, output: Path, address: str, force: bool) -> None:
+    """Carry an answer to a converted problem back to the problem before all its conversions."""
+    problem = load(address)
+    if not problem.provenance:
+        raise CpbenchError(f"{address}: was not converted by cpbench, there is nothing to lift")
+    point = storage.load_answer(answer, problem)
+    lifted, first = graph.lift(problem, point), problem.provenance[0]
+    if not save_vector(lifted, output, force=force):
+        name = {"name": problem.name}
+        storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=name, force=force)
+    print_lines((f"note: {remark}" for remark in graph.remarks(problem, point)), err=True)
+    edges = " > ".join(step.conversion for step in problem.provenance)
+    print_lines([f"{output}: answer to the {first.source_node} problem before {edges}"])
 
 
 def carried_starts(points: Sequence[Any], arrival: Arrival) -> tuple[list[Any], list[str]]:

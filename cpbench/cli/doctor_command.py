@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
 import click
 
 from cpbench.bench import availability, machine, time_limits
 from cpbench.bench.availability import SolverState
+from cpbench.cli.list_command import HEAD, RESTRICTED, cells, families
 from cpbench.cli.options import Command
-from cpbench.cli.solver_tables import HEAD, cells, families, folded_names
+from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import solvers
@@ -37,30 +38,18 @@ def command(warm: bool, node: str | None) -> None:
     click.echo("limits       killed with all it started half a second later at most")
     _print_facts(time_limits.described())
     chosen = list(solvers)
-    seen: dict[str, SolverState] = {}
     if warm:
         click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
         for module in kernel_cache.modules("cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels"):
             kernel_cache.load(module)
-    for one in availability.examine(chosen, warm):
-        seen[one.name] = one
-        _progress(len(seen), len(chosen), one.name, warm)
-    if sys.stderr.isatty():
-        click.echo("\r\x1b[2K", nl=False, err=True)
+    states = availability.examine(chosen, warm)
+    seen = {one.name: one for one in shown_progress(states, len(chosen), "trying solvers")}
     print_lines(fitted(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width())))
 
 
 def _print_facts(facts: Iterable[tuple[str, str]]) -> None:
     for name, text in facts:
         print_lines(folded(f"  {name:<10} {text}", hanging=11))
-
-
-def _progress(done: int, of: int, name: str, warm: bool) -> None:
-    """Print a line that changes on a terminal; elsewhere one each tenth of the way, where it takes long."""
-    if sys.stderr.isatty():
-        click.echo(f"\r\x1b[2Ktrying solvers {done}/{of} {name}", nl=False, err=True)
-    elif warm and done % max(1, of // 10) == 0:
-        click.echo(f"{done}/{of} solvers", err=True)
 
 
 def checkup_lines(found: Sequence[SolverState], width: int) -> Iterator[str]:
@@ -85,7 +74,7 @@ def _ready(those: Sequence[SolverState]) -> Iterator[str]:
     rows = [cells(specs[one.name], one) for one in shown]
     yield from table((f"  {name}", *others) for name, *others in (HEAD, *rows))
     if any(specs[one.name].publishing for one in shown):
-        yield "  * figures must not be published without permission: cpbench list solvers NAME"
+        yield f"  {RESTRICTED}"
     rest = [specs[one.name] for one in those if one not in shown]
     if rest:
         yield f"  and {len(rest)} that run only when they are named: {families(rest)}"
@@ -99,4 +88,6 @@ def _absent(those: Sequence[SolverState], width: int) -> Iterator[str]:
     for reason, names in reasons.items():
         lines = reason.splitlines() or ["no reason was given"]
         yield from (f"  {line}" for line in lines)
-        yield from folded_names(names, width)
+        text = ", ".join(f"{name} ({solvers.get(name).spec.node})" for name in names)
+        indent = " " * 6
+        yield from textwrap.wrap(text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)

@@ -1,4 +1,4 @@
-"""Show the conversions between formulations, with the solvers on each, as text or Mermaid, or check them all."""
+"""Show the conversions between formulations with the solvers on each, or how a problem reaches a formulation."""
 
 from __future__ import annotations
 
@@ -9,37 +9,58 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.cli.options import Command, ListOption, kinds_option
-from cpbench.cli.terminal import fitted, print_lines, table
-from cpbench.cli.types import POSITIVE
+from cpbench import graph, storage
+from cpbench.cli.info_command import size_after, sizes_line
+from cpbench.cli.options import Command, ListOption, format_option, kinds_option
+from cpbench.cli.terminal import fitted, folded, print_lines, table
+from cpbench.cli.types import ADDRESS, POSITIVE
 from cpbench.conversions import Conversion
-from cpbench.formulations import Kind, formulations
+from cpbench.errors import NoRoute, NotApplicable
+from cpbench.formulations import Kind, Problem, formulations
 from cpbench.foundation.plurals import counted
+from cpbench.generators.collection import address_text
 from cpbench.graph import best_kind, edges, promise
 from cpbench.solvers.base import solvers
 
 if TYPE_CHECKING:
     from cpbench.testing.residual_matrix import Cell
 
-FORMATS = ("text", "mermaid")
 WRAP = 3
 """Solvers a line in the box of a node."""
 
 
 @click.command(cls=Command)
-@click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True, help="Output form.")
+@click.argument("problem", required=False, type=ADDRESS)
 @click.option(
-    "--check",
-    is_flag=True,
-    help="Send planted problems along the equivalent routes of every pair of formulations, and back.",
+    "--to",
+    "nodes",
+    cls=ListOption,
+    metavar="NODE",
+    help="Formulation to reach, or to --check; default: all. Repeatable.",
 )
-@click.option("--node", "nodes", cls=ListOption, metavar="NODE", help="Formulations to --check. Repeatable.")
-@click.option(
-    "--tolerance", "-t", type=POSITIVE, default=1e-9, show_default=True, help="Largest error on a source, for --check."
-)
-@kinds_option("all")
-def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
-    """Show the formulations, the conversions between them and the solvers on each, as text or as a diagram.
+@click.option("--all", "every", is_flag=True, help="Show every route of PROBLEM with the size it leads to.")
+@click.option("--explain", is_flag=True, help="Show the dead ends of PROBLEM, each with its obstacle.")
+@kinds_option(", without PROBLEM all")
+@format_option
+@click.option("--mermaid", is_flag=True, help="Show the graph as a diagram of Mermaid.")
+@click.option("--check", is_flag=True, help="Send planted problems along the routes between formulations, and back.")
+@click.option("-t", "--tolerance", type=POSITIVE, default=1e-9, show_default=True, help="Largest error for --check.")
+def command(
+    problem: str | None,
+    nodes: tuple[str, ...],
+    every: bool,
+    explain: bool,
+    kinds: frozenset[Kind] | None,
+    file_format: str | None,
+    mermaid: bool,
+    check: bool,
+    tolerance: float,
+) -> None:
+    """Show the formulations, the conversions between them and the solvers on each.
+
+    Of a PROBLEM, show how it reaches each formulation, which solvers work there, and why others cannot be reached; with
+    --all every route, cheapest first. Sizes marked ~ are predicted without doing the conversion, so that a large last
+    step is not needed: `cpbench graph builtin/lcp/american-put.h5::american-put-100 --to qp --explain`.
 
     With --check, print the matrix of residuals. For every ordered pair of formulations that equivalent conversions
     connect, problems with a known solution are converted, written to a file and solved, and the answer is lifted with
@@ -47,22 +68,76 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     """
     for node in nodes:
         formulations.get(node)
-    if not check:
-        drawn = draw(form, kinds).splitlines()
-        print_lines(fitted(drawn) if form == "text" else drawn)
-        return
-    from cpbench.testing.residual_matrix import measure
+    if problem is not None:
+        if check or mermaid:
+            raise click.UsageError("--check and --mermaid are of the whole graph: leave PROBLEM out")
+        _print_routes(problem, nodes or formulations.names(), kinds or graph.EXACT, every, explain, file_format)
+    elif check:
+        from cpbench.testing.residual_matrix import measure
 
-    cells = measure(nodes or formulations.names(), tolerance)
-    print_lines(check_lines(cells, tolerance))
-    if any(cell.exceeds(tolerance) for cell in cells):
-        sys.exit(1)
+        cells = measure(nodes or formulations.names(), tolerance)
+        print_lines(check_lines(cells, tolerance))
+        if any(cell.exceeds(tolerance) for cell in cells):
+            sys.exit(1)
+    elif every or explain or file_format or nodes:
+        raise click.UsageError("--to, --all, --explain and --format are of a PROBLEM: give one")
+    else:
+        drawn = draw(kinds or graph.ALL, mermaid=mermaid).splitlines()
+        print_lines(drawn if mermaid else fitted(drawn))
 
 
-def draw(form: str, kinds: frozenset[Kind]) -> str:
-    """Draw the nodes, and the edges that may be of one of `kinds`, in one of FORMATS."""
+def _print_routes(
+    address: str, nodes: Sequence[str], kinds: frozenset[Kind], every: bool, explain: bool, file_format: str | None
+) -> None:
+    source = storage.load(address, format=file_format)
+    _say(f"{address_text(address)} ({source.node}: {sizes_line(source)})")
+    memory = graph.Memory()
+    show = _every_route if every else _cheapest_route
+    for node in nodes:
+        dead = show(source, node, kinds, memory)
+        for end in dead if explain else ():
+            _say(f"       dead end: {end}")
+
+
+def _say(line: str) -> None:
+    print_lines(folded(line, 7))
+
+
+def _cheapest_route(
+    source: Problem, node: str, kinds: frozenset[Kind], memory: graph.Memory
+) -> Iterable[graph.DeadEnd]:
+    try:
+        arrival = graph.arrive(source, node, kinds, apply=memory)
+    except NoRoute as refusal:
+        _say(f"{node:<6} out of reach: {refusal}")
+        return graph.explain(source, node, kinds, apply=memory)
+    _say(f"{node:<6} {arrival.route.label} ({arrival.kind}; {sizes_line(arrival.problem)})")
+    _say(f"       solvers: {', '.join(solvers_of(node)) or 'none'}")
+    return arrival.dead_ends
+
+
+def _every_route(source: Problem, node: str, kinds: frozenset[Kind], memory: graph.Memory) -> list[graph.DeadEnd]:
+    _say(f"{node:<6} solvers: {', '.join(solvers_of(node)) or 'none'}")
+    dead: list[graph.DeadEnd] = []
+    count = 0
+    for arrival in graph.arrivals(source, node, kinds, apply=memory, finish=False, dead=dead):
+        route = arrival.route
+        try:
+            size = size_after(arrival.problem, route.steps[-1], memory) if route.steps else sizes_line(source)
+        except NotApplicable as refusal:  # known by converting only
+            dead.append(graph.DeadEnd(route, len(route.steps) - 1, route.steps[-1].label, refusal.obstacle))
+            continue
+        count += 1
+        _say(f"       {route.cost:>4g}  {route.label} ({arrival.kind}; {size})")
+    if not count:
+        _say("       out of reach" + ("" if dead else ": no conversion leads there"))
+    return dead
+
+
+def draw(kinds: frozenset[Kind], *, mermaid: bool = False) -> str:
+    """Draw the nodes, and the edges that may be of one of `kinds`, as text or for Mermaid."""
     shown = [edge for edge in edges() if best_kind(edge) in kinds]
-    return _mermaid(shown) if form == "mermaid" else _text(shown)
+    return _mermaid(shown) if mermaid else _text(shown)
 
 
 def solvers_of(node: str, *, usual: bool = False) -> list[str]:

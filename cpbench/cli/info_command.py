@@ -6,36 +6,43 @@ import json
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 
 from cpbench import storage
 from cpbench.api.results import is_results_file
-from cpbench.cli import problem_text, terminal
 from cpbench.cli.answer import print_results
 from cpbench.cli.options import Command, format_option
-from cpbench.cli.problem_text import StepFacts
-from cpbench.cli.steps import Steps
-from cpbench.cli.terminal import print_lines
+from cpbench.cli.progress import Steps
+from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS
+from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError
 from cpbench.formulations import Problem
+from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.derivatives import derivative
 from cpbench.foundation import extensions, matrices
 from cpbench.foundation.plain_text import printable
 from cpbench.foundation.plurals import counted, some_of, summary
+from cpbench.generators.collection import address_text
+from cpbench.graph import Apply
 from cpbench.storage.base import split_address
 
-MANY = 3
-"""Number of problems up to which each is shown by itself."""
-LISTED = 60
-"""Number of problems up to which each has a line."""
-TWINS = 12
-"""The most problems that are named as copies of others."""
-SUFFIXES = 6
-"""The most suffixes of files that are not problems."""
+MANY, LISTED = 3, 60
+"""Number of problems up to which each is shown by itself, and up to which each has a line."""
+TWINS, SUFFIXES = 12, 6
+"""The most problems that are named as copies of others, and the most suffixes of files that are not problems."""
+LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
+SHOWN = 8
+"""Items of a list, such as names of unknowns, that are shown."""
+_KNOWN = {"id": "ids", "bodies": "bodies", "position": "positions", "frame": "frames"}
+"""Parts of what is known of contacts, in words."""
 
 
 @click.command(cls=Command)
@@ -66,113 +73,99 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
     known = measure and "facts" in extensions.added(extensions.HOOKS)
     for address in addresses:
         problem = storage.load(address, format=file_format)
-        measured = extensions.hook("facts")(problem) if known else ()
+        measured, starts = extensions.hook("facts")(problem) if known else (), len(storage.guesses(address))
         if as_json:
-            records.append(problem_text.record(address, problem, measured, len(storage.guesses(address))))
+            records.append(_record(address, problem, measured, starts))
         else:
-            print_lines(problem_text.lines(address, problem, measured, len(storage.guesses(address))))
+            print_lines(_lines(address, problem, measured, starts))
     if as_json:
         click.echo(json.dumps(records, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: str | None) -> None:
     """Print what is in a folder; exits with 2 where something cannot be read."""
+    members: list[dict[str, Any]] = []
+    refused: list[str] = []
     with Steps(quiet=False) as steps:
-        listing = collect(steps.through(addresses, "reading", "problem"), file_format)
-    print_lines([headline(listing)])
-    print_lines(problem_text.sequence_lines(listing.steps))
-    many = len(listing.members) > LISTED
-    rows = [(m.node, m.line, m.address) for m in listing.members]
-    print_lines(terminal.table(classes(listing.members) if many else rows))
-    print_lines(twins(listing.members))
-    print_lines(others(places, addresses))
-    if rows:
-        print_lines([f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"])
-    print_lines(listing.refused, err=True)
-    if listing.refused:
+        for address in steps.through(addresses, "reading", "problem"):
+            try:
+                members.append(_member(address, storage.load(address, format=file_format)))
+            except CpbenchError as cause:
+                refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
+    kinds = summary(Counter(member["node"] for member in members)) or "none could be read"
+    unread = f"; {counted(len(refused), 'file')} could not be read" if refused else ""
+    print_lines([f"{counted(len(members), 'problem')}: {kinds}{unread}", *_sequence_lines(members)])
+    each = ((member["node"], member["line"], member["address"]) for member in members)
+    print_lines(table(_classes(members) if len(members) > LISTED else each))
+    print_lines([*_twins(members), *_others(places, addresses)])
+    if members:
+        one = shlex.quote(members[0]["address"])
+        print_lines([f"all that is known of one: cpbench info {one}; of all, for programs: --json"])
+    print_lines(refused, err=True)
+    if refused:
         sys.exit(2)
 
 
-@dataclass(frozen=True)
-class ProblemFacts:
-    """One of many problems: formulation, family, sizes by symbol, and what its line says."""
-
-    address: str
-    node: str
-    family: str
-    fingerprint: str
-    sizes: dict[str, int]
-    line: str
-
-
-@dataclass
-class CollectedProblems:
-    """Facts of many problems, in their order.
-
-    Attributes
-    ----------
-    members : those that could be read. steps : facts of those that are steps. refused : a line for each that could not.
-    """
-
-    members: list[ProblemFacts] = field(default_factory=list)
-    steps: list[StepFacts] = field(default_factory=list)
-    refused: list[str] = field(default_factory=list)
+def _member(address: str, problem: Problem) -> dict[str, Any]:
+    """Return what is shown of one of many problems."""
+    nonzeros = sum(matrices.nnz(value) for value in problem.data().values() if value.ndim == 2)
+    return {
+        "address": address,
+        "node": problem.node,
+        "family": problem.info.family,
+        "fingerprint": problem.fingerprint,
+        "sizes": {**problem.sizes(), "nonzeros": nonzeros},
+        "line": sizes_line(problem),
+        "step": _step(problem),
+    }
 
 
-def collect(addresses: Iterable[str], file_format: str | None) -> CollectedProblems:
-    """Read the problems one after the other; one that cannot be read does not stop the others."""
-    collected = CollectedProblems()
-    for address in addresses:
-        try:
-            problem = storage.load(address, format=file_format)
-        except CpbenchError as cause:
-            collected.refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
-            continue
-        collected.members.append(_member(address, problem))
-        if (step := problem_text.step_of(problem)) is not None:
-            collected.steps.append(step)
-    return collected
+def _step(problem: Problem) -> tuple[str, float, float, int, bool] | None:
+    """Return sequence, dt, time, contacts of a step, and whether all of them have ids; None of any other problem."""
+    if not isinstance(problem, ContactProblem) or problem.sequence is None:
+        return None
+    place, contacts = problem.sequence, problem.contacts
+    return place.name, place.dt, place.time, problem.nc, contacts is not None and contacts.id.size == problem.nc
 
 
-def _member(address: str, problem: Problem) -> ProblemFacts:
-    sizes = {**problem.sizes(), "nonzeros": sum(matrices.nnz(v) for v in problem.data().values() if v.ndim == 2)}
-    line = problem_text.sizes_line(problem)
-    return ProblemFacts(address, problem.node, problem.info.family, problem.fingerprint, sizes, line)
+def _sequence_lines(members: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield a line for each sequence: its steps, dt, end, contacts from and to, and whether they have ids."""
+    sequences: dict[str, list[Any]] = {}
+    for name, *step in (member["step"] for member in members if member["step"] is not None):
+        sequences.setdefault(name, []).append(step)
+    for name, steps in sequences.items():
+        dt, times, contacts, known = zip(*steps, strict=True)
+        ids = "ids in all" if all(known) else f"ids in {sum(known)}" if any(known) else "no ids"
+        of = f"sequence {printable(name)}: {counted(len(steps), 'step')}, dt = {_range(dt)} s, to {max(times):g} s"
+        yield f"{of}, {_range(contacts)} contacts, {ids}"
 
 
-def headline(found: CollectedProblems) -> str:
-    """Return how many problems of which formulation there are, and how many could not be read."""
-    kinds = summary(Counter(member.node for member in found.members))
-    more = f"; {counted(len(found.refused), 'file')} could not be read" if found.refused else ""
-    return f"{counted(len(found.members), 'problem')}: {kinds or 'none could be read'}{more}"
-
-
-def classes(members: Sequence[ProblemFacts]) -> Iterator[tuple[str, str, str]]:
+def _classes(members: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str, str]]:
     """Yield formulation and family, number of problems, and the range of each size, for each formulation and family."""
-    grouped: dict[tuple[str, str], list[ProblemFacts]] = {}
-    for member in members:
-        grouped.setdefault((member.node, member.family), []).append(member)
-    for (node, family), own in sorted(grouped.items()):
-        ranges = [f"{symbol} = {_range(own, symbol)}" for symbol in own[0].sizes if symbol != "nonzeros"]
-        text = ", ".join([*ranges, f"{_range(own, 'nonzeros')} nonzeros"])
+    kind = lambda member: (member["node"], member["family"])  # noqa: E731
+    for (node, family), group in groupby(sorted(members, key=kind), kind):
+        own = [member["sizes"] for member in group]
+        ranges = [f"{symbol} = {_range(sizes[symbol] for sizes in own)}" for symbol in own[0] if symbol != "nonzeros"]
+        text = ", ".join([*ranges, f"{_range(sizes['nonzeros'] for sizes in own)} nonzeros"])
         yield printable(f"{node} {family}".strip()), str(len(own)), text
 
 
-def _range(members: Sequence[ProblemFacts], symbol: str) -> str:
-    values = [member.sizes[symbol] for member in members]
-    return " to ".join(map(str, dict.fromkeys((min(values), max(values)))))
+def _range(values: Iterable[float]) -> str:
+    values = list(values)
+    texts = [str(value) if isinstance(value, int) else f"{value:g}" for value in (min(values), max(values))]
+    return " to ".join(dict.fromkeys(texts))
 
 
-def twins(members: Sequence[ProblemFacts]) -> Iterator[str]:
+def _twins(members: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the problems that are there twice, the first of them named."""
     first: dict[str, str] = {}
-    pairs = [(member.address, first.setdefault(member.fingerprint, member.address)) for member in members]
+    pairs = [(member["address"], first.setdefault(member["fingerprint"], member["address"])) for member in members]
     again = [f"{address} is {before}" for address, before in pairs if address != before]
     if again:
         yield f"{counted(len(again), 'problem')} there before under another name: {some_of(again, TWINS)}"
 
 
-def others(places: Iterable[str], addresses: Iterable[str]) -> Iterator[str]:
+def _others(places: Iterable[str], addresses: Iterable[str]) -> Iterator[str]:
     """Yield how many files of the folders among `places` are no problems, by their suffix."""
     read = {split_address(address)[0] for address in addresses}
     suffixes: Counter[str] = Counter()
@@ -182,3 +175,151 @@ def others(places: Iterable[str], addresses: Iterable[str]) -> Iterator[str]:
     if suffixes:
         kinds = [f"{count} {suffix}" for suffix, count in suffixes.most_common()]
         yield printable(f"{counted(suffixes.total(), 'file')} of no format of problems: {some_of(kinds, SUFFIXES)}")
+
+
+def sizes_line(problem: Problem) -> str:
+    """Return the sizes of a problem, as in `n = 20, m = 3, 61 nonzeros`."""
+    sizes = ", ".join(f"{symbol} = {size}" for symbol, size in problem.sizes().items())
+    nonzeros = sum(matrices.nnz(v) for v in problem.data().values() if v.ndim == 2)
+    operations = sum(F.operations for F in problem.maps().values())
+    return f"{sizes}, {nonzeros} nonzeros" + (f", {operations} operations" if problem.maps() else "")
+
+
+def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
+    """Return the size that `edge` leads to: predicted where the edge can (~, at most), else measured by converting."""
+    foreseen = edge.predict(problem)
+    return sizes_line(apply(edge, problem)) if foreseen is None else f"~ {foreseen}"
+
+
+def _lines(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0) -> Iterator[str]:
+    """Yield formulation, sizes, data, origin and provenance of a problem, how many starting points its file has
+    (`starts`), and the facts that were measured of it."""
+    yield f"{address_text(address)}: {problem.title} {problem.equation}".rstrip()
+    yield f"  node         {problem.node}"
+    yield f"  name         {printable(problem.name)}"
+    yield f"  fingerprint  {problem.fingerprint}"
+    for symbol, size in problem.sizes().items():
+        yield f"  {symbol:<12} {size}"
+    for name, value in problem.data().items():
+        yield f"  {name:<12} {_describe(value)}"
+    for name, F in problem.maps().items():
+        yield f"  {name:<12} map {F.rows}x{F.inputs}, {F.operations} operations, {F.constants.size} constants"
+        yield f"  {'':<12} {_derivative_line(F)}"
+    for name, value in problem.parameters.items():
+        yield f"  parameter    {name} = {value:.17g}"
+    for label in LABELS:
+        text = getattr(problem.info, label)
+        if text:
+            yield f"  {label:<12} {printable(text)}"
+    for key, value in problem.info.properties.items():
+        yield printable(f"  property     {key} = {_short(value)}")
+    if starts:
+        yield f"  starts       {counted(starts, 'guess', 'guesses')} in the file: --start file:all runs from each"
+    if isinstance(problem, ContactProblem):
+        yield from _contact_lines(problem)
+    for step in problem.provenance:
+        parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
+        origin = f"from {step.source_node} {step.source}"
+        yield f"  made by      {step.conversion}({parameters}), {step.kind}, {origin}"
+    for fact in facts:
+        yield f"  fact         {fact}"
+
+
+def _derivative_line(F: Map) -> str:
+    """Return how many entries the Jacobian of a map may have, and what of the map is affine."""
+    compiled = F.compiled
+    affine = int((np.diff(compiled.C.indptr) == 0).sum())
+    entries = counted(derivative(F)[1].size, "entry", "entries")
+    return (
+        f"Jacobian of {entries}, {affine} of {counted(F.rows, 'row')} affine, "
+        f"affine part of {counted(compiled.M.nnz, 'entry', 'entries')}"
+    )
+
+
+def _contact_lines(problem: ContactProblem) -> Iterator[str]:
+    """Yield the place of a problem in a sequence, and what is known of its contacts."""
+    if (place := problem.sequence) is not None:
+        yield f"  sequence     {printable(place.name)}: step {place.step}, at {place.time:g} s, dt = {place.dt:g} s"
+    contacts = problem.contacts
+    if contacts is not None and contacts.count:
+        known = [word for part, word in _KNOWN.items() if contacts.knows(part)]
+        yield f"  contacts     {', '.join(known)} known"
+
+
+def _short(value: Any) -> Any:
+    """Return a list of more than SHOWN items, as the names of unknowns, by its first ones and its length."""
+    if not isinstance(value, (list, tuple)) or len(value) <= SHOWN:
+        return value
+    return f"{', '.join(map(str, value[:SHOWN]))}, ... ({len(value)})"
+
+
+def _describe(value: matrices.Matrix | matrices.Vector) -> str:
+    if value.ndim == 1:
+        return f"vector of {value.size}, max |.| {matrices.max_abs(value):.3g}"
+    rows, cols = value.shape
+    storage_kind = "sparse" if matrices.is_sparse(value) else "dense"
+    return f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {matrices.max_abs(value):.3g}"
+
+
+def _record(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0) -> dict[str, Any]:
+    """Return what `_lines` yields as data that JSON takes."""
+    place = problem.sequence if isinstance(problem, ContactProblem) else None
+    return {
+        "address": address,
+        "node": problem.node,
+        "title": problem.title,
+        "equation": problem.equation,
+        "relations": list(problem.relations),
+        "name": problem.name,
+        "fingerprint": problem.fingerprint,
+        "sizes": problem.sizes(),
+        "data": {name: _data_record(value) for name, value in problem.data().items()},
+        "maps": {
+            name: {
+                "shape": list(F.shape),
+                "operations": F.operations,
+                "constants": F.constants.size,
+                "jacobian_entries": int(derivative(F)[1].size),
+                "affine_rows": int((np.diff(F.compiled.C.indptr) == 0).sum()),
+                "affine_entries": F.compiled.M.nnz,
+            }
+            for name, F in problem.maps().items()
+        },
+        "parameters": problem.parameters,
+        "unknowns": problem.point_sizes,
+        "starts": starts,
+        "sequence": None if place is None else vars(place),
+        "info": {label: getattr(problem.info, label) for label in LABELS},
+        "properties": {key: _plain(value) for key, value in problem.info.properties.items()},
+        "provenance": [
+            {
+                "conversion": step.conversion,
+                "parameters": {k: _plain(v) for k, v in step.parameters.items()},
+                "kind": step.kind,
+                "source_node": step.source_node,
+                "source": step.source,
+            }
+            for step in problem.provenance
+        ],
+        "facts": [{k: _plain(v) for k, v in fact.record().items()} for fact in facts],
+    }
+
+
+def _data_record(value: matrices.Matrix | matrices.Vector) -> dict[str, Any]:
+    record: dict[str, Any] = {"shape": list(value.shape), "max_abs": _plain(matrices.max_abs(value))}
+    if value.ndim == 2:
+        record |= {"storage": "sparse" if matrices.is_sparse(value) else "dense", "nonzeros": matrices.nnz(value)}
+    return record
+
+
+def _plain(value: Any) -> Any:
+    """Return a value that JSON has: NumPy scalars and arrays unpacked, infinities and NaN by name."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (np.ndarray, list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value if isinstance(value, (bool, int, float, str)) or value is None else str(value)

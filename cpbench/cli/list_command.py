@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import textwrap
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import click
 
@@ -13,156 +17,176 @@ from cpbench.bench import availability
 from cpbench.bench.availability import SolverState
 from cpbench.bench.planning import grids
 from cpbench.cli.options import Command
-from cpbench.cli.solver_tables import GLANCED, HEAD, as_data, cells, families, sheet
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
 from cpbench.conversions.base import conversions, mathematics
 from cpbench.formulations import formulations
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import edges, promise
 from cpbench.solvers.base import Solver, SolverSpec, solvers
+from cpbench.solvers.options import choices, written
+
+HEAD = ("solver", "node", "method", "version", "licence")
+RESTRICTED = "* figures must not be published without permission: cpbench list solvers NAME"
+LICENCE = 24
+"""Characters of a licence that a table shows; the sheet of the solver has all."""
+GLANCED = {
+    "installed": "its packages are there and were not imported, as cpbench doctor does",
+    "untried": "not checked: external program (cpbench doctor starts it)",
+}
+"""The meaning of a state that was read without importing anything."""
 
 
 @click.command(cls=Command)
 @click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
-@click.argument("names", nargs=-1, metavar="[NAME|GLOB]...")
+@click.argument("names", nargs=-1, metavar="[NAME|NODE|GLOB]...")
 @click.option("--all", "every", is_flag=True, help="Include solvers that run only when they are named.")
-@click.option("--available", is_flag=True, help="Show only solvers that can run here.")
-@click.option("--node", metavar="NODE", help="Formulation of the solvers.")
-@click.option(
-    "--check", is_flag=True, help="Import the packages of all solvers, instead of looking whether they are installed."
-)
 @click.option("--json", "as_json", is_flag=True, help="Print the solvers as JSON.")
-def command(
-    what: str, names: tuple[str, ...], every: bool, available: bool, node: str | None, check: bool, as_json: bool
-) -> None:
+def command(what: str, names: tuple[str, ...], every: bool, as_json: bool) -> None:
     """List formulations, conversions, solvers, formats or the built-in problems.
 
     cpbench list solvers NAME shows a solver with its options, cpbench list solvers NODE the solvers of a formulation,
     cpbench list conversions NAME the mathematics of a conversion.
     """
-    if what == "solvers":
-        listed = solver_list(names, node=node, every=every, available=available, check=check)
-        if as_json:
-            click.echo(json.dumps(listed.records(), indent=1))
-        elif listed.named:
-            print_lines(fitted(listed.sheets(reading_width())))
-        else:
-            print_lines(table(listed.rows()))
-            print_lines(fitted(listed.notes()))
-        return
-    if every or available or node or check or as_json or (names and what != "conversions"):
+    if what != "solvers" and (every or as_json or (names and what != "conversions")):
         raise click.UsageError(f"list {what}: takes no names and no options of solvers")
-    if what == "problems":
-        print_lines(builtin_problems())
+    if what == "solvers":
+        print_lines(_solver_lines(names, every, as_json))
+    elif what == "problems":
+        folder = builtin_folder()
+        print_lines(f"builtin/{one.removeprefix(f'{folder}/')}" for one in storage.problem_files([str(folder)]))
+    elif what == "formulations":
+        print_lines(table((cls.node, f"{cls.title} {cls.equation}") for cls in formulations))
+    elif what == "formats":
+        print_lines(table((f.name, ", ".join(f.suffixes), f.summary) for f in storage.formats))
     elif names:
-        print_lines(conversion_sheets(names))
+        print_lines(line for name in names for line in _conversion_sheet(name))
     else:
-        rows = {
-            "formulations": formulation_rows,
-            "conversions": conversion_rows,
-            "formats": format_rows,
-        }
-        print_lines(table(rows[what]()))
+        print_lines(table((e.name, e.source, "->", e.target, promise(e), e.equation) for e in edges()))
 
 
-def formulation_rows() -> list[tuple[str, ...]]:
-    """Return node and law of each formulation."""
-    return [(cls.node, f"{cls.title} {cls.equation}") for cls in formulations]
+def _conversion_sheet(name: str) -> Iterator[str]:
+    """Yield the mathematics of a conversion, as its docstring states it; raises UnknownName."""
+    edge = conversions.get(name)
+    yield f"{edge.name}: {edge.source} -> {edge.target}, {promise(edge)} {edge.equation}".rstrip()
+    yield from (f"  {line}".rstrip() for line in mathematics(edge))
 
 
-def conversion_rows() -> list[tuple[str, ...]]:
-    """Return name, source, target, promise and equation of each conversion."""
-    return [(e.name, e.source, "->", e.target, promise(e), e.equation) for e in edges()]
-
-
-def conversion_sheets(names: Sequence[str]) -> Iterator[str]:
-    """Yield the mathematics of conversions, as their docstrings state it; raises UnknownName."""
-    for name in names:
-        edge = conversions.get(name)
-        yield f"{edge.name}: {edge.source} -> {edge.target}, {promise(edge)} {edge.equation}".rstrip()
-        yield from (f"  {line}".rstrip() for line in mathematics(edge))
-
-
-def format_rows() -> list[tuple[str, ...]]:
-    """Return name, suffixes and summary of each file format."""
-    return [(f.name, ", ".join(f.suffixes), f.summary) for f in storage.formats]
-
-
-def builtin_problems() -> list[str]:
-    """Return the addresses of the built-in problems."""
-    folder = builtin_folder()
-    return [f"builtin/{address.removeprefix(f'{folder}/')}" for address in storage.problem_files([str(folder)])]
-
-
-@dataclass(frozen=True)
-class SolverList:
-    """Solvers that were asked for (`shown`), what is known of each here (`states`), and what was left out.
-
-    Attributes
-    ----------
-    named : whether each was asked for by its name. unusable : those that cannot run here. others : those that run only
-    when they are named.
-    """
-
-    shown: tuple[Solver, ...]
-    states: dict[str, SolverState]
-    named: bool
-    unusable: int
-    others: tuple[SolverSpec, ...]
-
-    def records(self) -> list[dict[str, object]]:
-        """Return everything known of each solver, as JSON takes it."""
-        return [as_data(solver, self.states[solver.spec.name]) for solver in self.shown]
-
-    def sheets(self, width: int) -> Iterator[str]:
-        """Yield everything known of each solver, in lines of at most `width` characters."""
-        for i, solver in enumerate(self.shown):
-            yield from [""] * bool(i)
-            yield from sheet(solver, self.states[solver.spec.name], width)
-
-    def rows(self) -> list[tuple[str, ...]]:
-        """Return a row for each solver, below the names of the columns."""
-        seen = [(solver.spec, self.states[solver.spec.name]) for solver in self.shown]
-        return [(*HEAD, "here"), *((*cells(spec, one), one.line) for spec, one in seen)]
-
-    def notes(self) -> Iterator[str]:
-        """Yield what the table means, and what it leaves out."""
-        if any(solver.spec.publishing for solver in self.shown):
-            yield "* figures must not be published without permission: cpbench list solvers NAME"
-        for state, meaning in GLANCED.items():
-            if any(self.states[solver.spec.name].state == state for solver in self.shown):
-                yield f"{state}: {meaning}"
-        if self.unusable:
-            yield f"{self.unusable} more cannot run here: cpbench doctor says why"
-        if self.others:
-            yield f"{len(self.others)} more run only when they are named (--all shows them): {families(self.others)}"
-
-
-def solver_list(
-    names: Sequence[str] = (),
-    *,
-    node: str | None = None,
-    every: bool = False,
-    available: bool = False,
-    check: bool = False,
-) -> SolverList:
-    """Return the solvers that are named, else those that a run takes, with their state on this machine.
-
-    Parameters
-    ----------
-    names : names or globs; one formulation stands for its solvers. node : formulation. every : also those that run only
-    when they are named. available : only those that can run here. check : import every guest, in another process.
-
-    Raises UnknownName.
-    """
-    if node is None and len(names) == 1 and names[0] in formulations and names[0] not in solvers:
+def _solver_lines(names: Sequence[str], every: bool, as_json: bool) -> Iterator[str]:
+    """Yield the solvers that are named, else those that a run takes, with their state on this machine as far as it is
+    known without importing anything; raises UnknownName."""
+    node = ""
+    if len(names) == 1 and names[0] in formulations and names[0] not in solvers:
         node, names = names[0], ()
-    if node is not None:
-        formulations.get(node)
-    named = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
-    of_node = [solver for solver in named if node in (None, solver.spec.node)]
-    chosen = [solver for solver in of_node if names or every or solver.spec.by_default]
-    states = {one.name: one for one in (availability.examine(chosen) if check else map(availability.glance, chosen))}
-    shown = [solver for solver in chosen if states[solver.spec.name].usable or not available]
-    others = [solver.spec for solver in of_node if solver not in chosen]
-    return SolverList(tuple(shown), states, bool(names), len(chosen) - len(shown), tuple(others))
+    asked = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
+    asked = [solver for solver in asked if node in ("", solver.spec.node)]
+    shown = [solver for solver in asked if names or every or solver.spec.by_default]
+    states = {solver.spec.name: availability.glance(solver) for solver in shown}
+    if as_json:
+        yield from json.dumps([as_data(one, states[one.spec.name]) for one in shown], indent=1).splitlines()
+        return
+    if names:
+        for i, solver in enumerate(shown):
+            yield from [""] * bool(i)
+            yield from fitted(sheet(solver, states[solver.spec.name], reading_width()))
+        return
+    yield from table(
+        [(*HEAD, "here"), *((*cells(one.spec, states[one.spec.name]), states[one.spec.name].line) for one in shown)]
+    )
+    if any(solver.spec.publishing for solver in shown):
+        yield RESTRICTED
+    for state, meaning in GLANCED.items():
+        if any(one.state == state for one in states.values()):
+            yield from fitted([f"{state}: {meaning}"])
+    if others := [solver.spec for solver in asked if solver not in shown]:
+        yield from fitted([f"{len(others)} more run only when they are named (--all shows them): {families(others)}"])
+
+
+def cells(spec: SolverSpec, seen: SolverState) -> tuple[str, ...]:
+    """Return name, node, kind of method, version and licence; * marks figures whose publishing is restricted."""
+    licence = spec.licence if len(spec.licence) <= LICENCE else f"{spec.licence[: LICENCE - 1]}…"
+    return spec.name, spec.node, spec.method, seen.version or "-", licence + ("*" if spec.publishing else "")
+
+
+def families(specs: Iterable[SolverSpec]) -> str:
+    """Return how many solvers there are of each family: of one name up to its first hyphen.
+
+    >>> families(SolverSpec(name=name, node="lcp", summary="", method="") for name in ("a-x", "a-y", "b"))
+    '2 a-*, b'
+    """
+    names = [spec.name for spec in specs]
+    counts = Counter(name.partition("-")[0] for name in names)
+    single = {name.partition("-")[0]: name for name in names}
+    return ", ".join(f"{n} {name}-*" if n > 1 else single[name] for name, n in sorted(counts.items()))
+
+
+def sheet(solver: Solver, seen: SolverState, width: int) -> Iterator[str]:
+    """Yield everything known of one solver, in lines of at most `width` characters."""
+    spec = solver.spec
+    yield f"{spec.name} {seen.version}".rstrip()
+    state, *reason = (f"{seen.state}: {seen.detail.strip() or GLANCED.get(seen.state, '')}".rstrip(": ")).splitlines()
+    facts = {
+        "solves": f"{spec.node}{'' if spec.kind.exact else f' ({spec.kind}: its answers may not be answers)'}",
+        "method": f"{spec.method}: {spec.summary}",
+        "can": ", ".join(sorted(spec.traits)),
+        "source": spec.citation,
+        "licence": spec.licence,
+        "publishing": spec.publishing,
+        "availability": state,
+        "in a run": "by default" if spec.by_default else f"when named: --solver {spec.name}, or --solver all",
+    }
+    for title, value in facts.items():
+        if value:
+            yield from _folded(f"  {title:<13}", value, width)
+        if title == "availability":
+            yield from (f"    {line}" for line in reason)
+    yield from _options(spec, width)
+    if spec.known_failures:
+        yield "  known failures"
+        for check, reason in sorted(spec.known_failures.items()):
+            yield from _folded(f"    {check}: ", reason, width)
+
+
+def _options(spec: SolverSpec, width: int) -> Iterator[str]:
+    fields = dataclasses.fields(spec.options)
+    if not fields:
+        yield "  options       none"
+        return
+    yield f"  options       as in --solver '{spec.name}[{fields[0].name}={written(fields[0].default)}]'"
+    rows = [("    option", "type", "default", "choices")]
+    for f in fields:
+        among = " | ".join(map(written, choices(spec.options, f.name)))
+        rows.append((f"    {f.name}", type(f.default).__name__, written(f.default), among or "any"))
+    yield from table(rows)
+    text = inspect.getdoc(spec.options) or ""
+    if not text.startswith(f"{spec.options.__name__}("):  # what a dataclass without a docstring says
+        yield from textwrap.wrap(text, width, initial_indent="    ", subsequent_indent="    ")
+
+
+def _folded(title: str, text: str, width: int) -> Iterator[str]:
+    rest = " " * min(len(title) + 1, 16)
+    yield from textwrap.wrap(f"{title} {text}", width, subsequent_indent=rest, break_long_words=False)
+
+
+def as_data(solver: Solver, seen: SolverState) -> dict[str, Any]:
+    """Return everything known of one solver as data for programs."""
+    spec = solver.spec
+    names = ("name", "node", "method", "summary", "citation", "licence", "publishing", "by_default", "install")
+    options = [
+        {
+            "name": f.name,
+            "type": type(f.default).__name__,
+            "default": f.default,
+            "choices": list(choices(spec.options, f.name)),
+        }
+        for f in dataclasses.fields(spec.options)
+    ]
+    return {
+        **{name: getattr(spec, name) for name in names},
+        "kind": str(spec.kind),
+        "version": seen.version,
+        "traits": sorted(spec.traits),
+        "requires": list(spec.requires),
+        "availability": {"state": seen.state, "detail": seen.detail},
+        "options": options,
+        "known_failures": dict(spec.known_failures),
+    }

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
-from click.core import ParameterSource
 
 from cpbench.bench.time_limits import floors
-from cpbench.cli.types import COUNT, DURATION, FACETS, MEMORY, NAMES, POSITIVE
+from cpbench.cli.types import COUNT, DURATION, MEMORY, NAMES, POSITIVE
 
 if TYPE_CHECKING:
     from cpbench.formulations import Kind
@@ -90,36 +89,21 @@ tolerance_option = click.option(
     show_default=True,
     help="Largest measured error of an answer that solves the problem.",
 )
-timeout_option = click.option(
-    "--timeout",
-    type=DURATION,
-    default="10s",
-    show_default=True,
-    help=f"Wall-clock limit of a solve (30s, 5m, none), and of every other phase, which has at least: {floors()}.",
+TIMEOUT_HELP = f"Wall-clock limit of a solve (30s, 5m, none), and of other phases, which have at least: {floors()}."
+MEMORY_HELP = (
+    "Memory that a solve may add to a warmed-up worker; conversions have twice that, 2G at least; none: no limit."
 )
-memory_option = click.option(
-    "--memory",
-    type=MEMORY,
-    default="4G",
-    show_default=True,
-    help="Memory that a solve may add to a warmed-up worker; conversions have twice that, 2G at least; none: no limit.",
-)
+VIA_HELP = "Conversion to go through, by its name or the end of it; NAME[parameter=value] sets one. Repeatable."
+timeout_option = click.option("--timeout", type=DURATION, default="10s", show_default=True, help=TIMEOUT_HELP)
+memory_option = click.option("--memory", type=MEMORY, default="4G", show_default=True, help=MEMORY_HELP)
 threads_option = click.option("--threads", type=COUNT, default=1, show_default=True, help="Number of BLAS threads.")
 limit_options = chained(timeout_option, memory_option, threads_option)
-facets_option = click.option(
-    "--facets", type=FACETS, default=8, show_default=True, help="Number of facets of a facet conversion."
-)
-angle_option = click.option(
-    "--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad]."
-)
-via_option = click.option(
-    "--via",
-    cls=ListOption,
-    metavar="CONVERSION",
-    help="Conversion to go through, by its name or the end of it; NAME[parameter=value] sets one. Repeatable.",
-)
+via_option = click.option("--via", cls=ListOption, metavar="CONVERSION", help=VIA_HELP)
 format_option = click.option(
-    "--format", "file_format", metavar="NAME", help="Format of the input (cpbench list formats)."
+    "--format",
+    "file_format",
+    metavar="NAME",
+    help="Format of the input (cpbench list formats).",
 )
 force_option = click.option("--force", is_flag=True, help="Replace an existing output file.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -133,22 +117,21 @@ stationary_option = click.option(
 )
 
 
-def kinds_option(default: str = "exact") -> Decorator:
-    """Return `--routes exact|all`, as a set of kinds in the argument `kinds`."""
+def kinds_option(default: str = "") -> Decorator:
+    """Return `--routes exact|all`, as a set of kinds in the argument `kinds`; None where it is not given."""
 
-    def _kinds(_: click.Context, __: click.Parameter, value: str) -> frozenset[Kind]:
+    def _kinds(_: click.Context, __: click.Parameter, value: str | None) -> frozenset[Kind] | None:
         from cpbench import graph  # with NumPy and SciPy, which not every command needs
 
-        return graph.EXACT if value == "exact" else graph.ALL
+        return None if value is None else graph.EXACT if value == "exact" else graph.ALL
 
     return click.option(
         "--routes",
         "kinds",
         type=click.Choice(["exact", "all"]),
-        default=default,
-        show_default=True,
         callback=_kinds,
-        help="Conversions to consider; all: approximate, relaxed and merely necessary ones too.",
+        help="Conversions to consider; all: approximate, relaxed and merely necessary ones too; default: "
+        f"exact{default}.",
     )
 
 
@@ -157,23 +140,9 @@ def seed_option(text: str) -> Decorator:
     return click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text)
 
 
-def jobs_option(default: int | None, text: str) -> Decorator:
-    """Return `--jobs` with its default and help text."""
-    return click.option("-j", "--jobs", type=COUNT, default=default, show_default=default is not None, help=text)
-
-
 def fail_on_option(text: str) -> Decorator:
     """Return `--fail-on` with a help text."""
     return click.option("--fail-on", cls=ListOption, metavar="NAMES", help=text)
-
-
-def require_with_via(via: Sequence[str]) -> None:
-    """Raise UsageError where an option of conversions is given and no conversion is named that takes it."""
-    context = click.get_current_context()
-    for name in ("facets", "angle"):
-        source = context.get_parameter_source(name)
-        if not via and source is not None and source is not ParameterSource.DEFAULT:
-            raise click.UsageError(f"--{name} goes with --via CONVERSION, as in --via inner: nothing else takes it")
 
 
 def outputs_option(suffixes: Sequence[str], text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -1,19 +1,18 @@
-"""The display of a run: a live table on a terminal, lines elsewhere, nothing when quiet."""
+"""The progress of commands on stderr: steps while they last, the display of a run, conversions that are large."""
 
 from __future__ import annotations
 
-import shutil
 import sys
+import threading
 import time
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from cpbench.bench.events import Compiling, Event, Joined, Observer, Solving, Spent, Starting
 from cpbench.bench.planning.plan import Pair
-from cpbench.cli.steps import EVERY, Steps
 from cpbench.cli.terminal import print_lines
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
@@ -21,36 +20,108 @@ from cpbench.formulations import Problem
 from cpbench.foundation.plain_text import on_one_line
 from cpbench.foundation.plurals import counted, summary
 from cpbench.graph import Apply
-from cpbench.verification import MET_TOLERANCE, REFUSED
 
 if TYPE_CHECKING:
-    from rich.console import Group
-    from rich.table import Table
+    from rich.console import Console
 
-ROOM = 4
-"""Lines of a terminal that no solver's row may take: head and end of its table, and what is below it."""
+T = TypeVar("T")
+PAUSE, EVERY = 1.0, 30.0
+"""Seconds without a line after which a step has one, and between two lines of a step that lasts."""
 LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
 
-class Display(Observer):
-    """Progress on stderr; data never goes there, so that stdout can be piped.
+def _stderr() -> Console:
+    from rich.console import Console
 
-    A live table on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line on stderr.
+    return Console(file=sys.stderr, markup=False, highlight=False)
+
+
+def shown_progress(items: Iterable[T], total: int, text: str) -> Iterator[T]:
+    """Yield the items, with a bar on a terminal while they last."""
+    if not sys.stderr.isatty():
+        yield from items
+        return
+    from rich.progress import track
+
+    yield from track(items, text, total, console=_stderr(), transient=True)
+
+
+class Steps:
+    """Steps of a command as lines on stderr, each with the seconds since the start; nothing when quiet.
+
+    A step is printed when nothing was for `pause` seconds, even while it lasts, so that a short command prints none. A
+    context manager, which ends the waiting.
+    """
+
+    def __init__(self, quiet: bool, pause: float = PAUSE) -> None:
+        self._quiet, self._pause = quiet, pause
+        self._began = time.monotonic()
+        self._printed = self._began - pause / 2.0  # the interpreter has started before
+        self._timer: threading.Timer | None = None
+        self._lock = threading.RLock()
+
+    def __enter__(self) -> Steps:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def say(self, step: str | Callable[[], str], first: float | None = None) -> None:
+        """Note a step, which begins; a function makes its text anew for each line. `first` : seconds until its first
+        line, None for the pause since the last one."""
+        self.stop()
+        if not self._quiet:
+            wait = max(0.0, self._printed + self._pause - time.monotonic()) if first is None else first
+            self._wait(wait, step if callable(step) else lambda: step)
+
+    def through(self, items: Sequence[str], doing: str, noun: str) -> Iterator[str]:
+        """Yield the items; while they last, a bar on a terminal, or lines say how many are done."""
+        text = f"{doing} {counted(len(items), noun)}"
+        if sys.stderr.isatty() and not self._quiet:
+            self.stop()
+            yield from shown_progress(items, len(items), text)
+            return
+        done = 0
+        self.say(lambda: f"{text}: {done} done")
+        for item in items:
+            yield item
+            done += 1
+        self.stop()
+
+    def stop(self) -> None:
+        """End the step without a line."""
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = None
+
+    def _wait(self, seconds: float, text: Callable[[], str]) -> None:
+        self._timer = threading.Timer(seconds, self._print, [text])
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _print(self, text: Callable[[], str]) -> None:
+        with self._lock:
+            if threading.current_thread() is not self._timer:  # the next step has begun
+                return
+            self._printed = time.monotonic()
+            print_lines([f"{self._printed - self._began:5.1f} s  {text()}"], err=True)
+            self._wait(EVERY, text)
+
+
+class Display(Observer):
+    """Progress of a run on stderr; data never goes there, so that stdout can be piped.
+
+    A bar on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
-        self._quiet = quiet
-        self._terminal = sys.stderr.isatty() and not quiet and not verbose
-        self._verbose = verbose
+        self._quiet, self._verbose = quiet, verbose
         self._steps = Steps(quiet)
-        self._live: Any = None
         self._bar: Any = None
-        self._total = self._done = 0
+        self._total = 0
         self._counts: Counter[str] = Counter()
-        self._of_solver: dict[str, Counter[str]] = {}
-        self._now: dict[str, tuple[str, float, float]] = {}
-        self._warming = ""
 
     def step(self, text: str) -> None:
         """Note what is being done before and after pairs are run: it has a line while it lasts."""
@@ -67,101 +138,73 @@ class Display(Observer):
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
         self._steps.stop()
-        self._total, self._done = len({p.key for p in planned} & set(pending)), 0
+        self._total = len({p.key for p in planned} & set(pending))
         before = len(planned) - self._total
         if not self._quiet:
             click.echo(f"{counted(len(planned), 'pair')}{f', {before} done before' if before else ''}", err=True)
-        if self._terminal and self._total:
-            self._begin_live()
+        if self._total and sys.stderr.isatty() and not self._quiet and not self._verbose:
+            self._begin_bar()
         elif self._total:
             self._steps.say(self._line, EVERY)
 
     def progress(self, event: Event) -> None:
         """Show an event of the run."""
+        doing = ""
         if isinstance(event, Starting):
-            self._warming = event.solver
+            doing = f"starting {event.solver}"
         elif isinstance(event, Compiling):
-            self._warming = compiling(event.solver)
-            if not self._quiet and not self._terminal:
-                click.echo(self._warming, err=True)
+            doing = compiling(event.solver)
+            if not self._quiet and self._bar is None:
+                click.echo(doing, err=True)
         elif isinstance(event, Solving):
-            self._warming, pair = "", event.pair
-            self._now[pair.key] = (f"{pair.label} on {pair.problem}", time.monotonic(), pair.limits.seconds)
+            doing = f"{event.pair.label} on {event.pair.problem}, at most {event.pair.limits.seconds:g} s"
         elif isinstance(event, Joined | Spent):
             if not self._quiet:
                 print_lines([str(event)], err=True)
         else:
-            self._now.pop(event.pair.key, None)
-            self._count(event.pair.label, event.outcome.status, event.outcome.wall or 0.0)
+            self._count(event.outcome.status)
+        if self._bar is not None and doing:
+            self._bar.update(0, doing=on_one_line(doing))
         if self._verbose:
             print_lines([f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {event_line(event)}"], err=True)
 
     def end(self) -> None:
         self._steps.stop()
-        if self._live is not None:
-            self._live.stop()
-
-    def _count(self, label: str, status: str, seconds: float) -> None:
-        """Count a pair that has ended; a line tells each tenth of the way, and what lasts longer than others."""
-        self._done += 1
-        self._counts[status] += 1
-        standing = "solved" if status in MET_TOLERANCE else "refused" if status in REFUSED else "failed"
-        self._of_solver.setdefault(label, Counter()).update({standing: 1, "time": seconds})
         if self._bar is not None:
-            self._bar.update(0, completed=self._done)
-        elif not self._quiet and self._done % max(1, self._total // 10) == 0:
+            self._bar.stop()
+
+    def _count(self, status: str) -> None:
+        """Count a pair that has ended; a line tells each tenth of the way, and what lasts longer than others."""
+        self._counts[status] += 1
+        done = self._counts.total()
+        if self._bar is not None:
+            self._bar.update(0, completed=done, counts=summary(dict(self._counts)))
+        elif not self._quiet and done % max(1, self._total // 10) == 0:
             click.echo(self._line(), err=True)
-            if self._done < self._total:
+            if done < self._total:
                 self._steps.say(self._line, EVERY)
 
     def _line(self) -> str:
-        return f"{self._done}/{self._total}  {summary(dict(self._counts))}".rstrip()
+        return f"{self._counts.total()}/{self._total}  {summary(dict(self._counts))}".rstrip()
 
-    def _begin_live(self) -> None:
-        from rich.console import Console
-        from rich.live import Live
+    def _begin_bar(self) -> None:
+        """Show how far the run is, the time left, the statuses so far, and what is being done for how long."""
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.table import Column
 
-        console = Console(file=sys.stderr)
         self._bar = Progress(
-            TextColumn("done"), BarColumn(), MofNCompleteColumn(), TextColumn("pairs,"), TimeRemainingColumn(),
-            TextColumn("left"), console=console,
-        )  # fmt: skip
-        self._bar.add_task("", total=self._total)
-        self._live = Live(get_renderable=self.view, console=console, refresh_per_second=2, transient=True)
-        self._live.start()
-
-    def view(self) -> Group:
-        """Return the live table: how far, how long it will take, what is being solved, and how the solvers stand."""
-        from rich.console import Group
-        from rich.text import Text
-
-        now = time.monotonic()
-        lines = [f"solving  {text}  {now - since:.1f} s of {limit:g} s" for text, since, limit in [*self._now.values()]]
-        if self._warming:
-            lines.append(f"warming  {self._warming}")
-        room = shutil.get_terminal_size().lines - len(lines) - ROOM
-        shown = [Text(line, no_wrap=True, overflow="ellipsis") for line in lines]
-        return Group(self._bar.get_renderable(), *shown, self._standings(max(room, 1)))
-
-    def _standings(self, most: int) -> Table:
-        """Return a row for each of at most so many solvers that were started, those that solved most above."""
-        from rich.table import Table
-        from rich.text import Text
-
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
-        table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=40)
-        for name in ("solved", "failed", "time"):
-            table.add_column(name, justify="right", no_wrap=True)
-        started = {label: s for label, s in [*self._of_solver.items()] if s["solved"] or s["failed"]}
-        ordered = sorted(started, key=lambda label: (-started[label]["solved"], started[label]["failed"], label))
-        for label in ordered[:most]:
-            s = started[label]
-            failed = Text(str(s["failed"] or "·"), style="red" if s["failed"] else "dim")
-            table.add_row(Text(label), str(s["solved"]), failed, f"{s['time']:.1f} s")
-        if len(ordered) > most:
-            table.add_row(Text(f"and {len(ordered) - most} more", style="dim"))
-        return table
+            BarColumn(20),
+            MofNCompleteColumn(),
+            TextColumn("pairs,"),
+            TimeRemainingColumn(),
+            TextColumn("left  {task.fields[counts]}\n{task.fields[doing]}", markup=False, table_column=Column(ratio=1)),
+            console=_stderr(),
+            expand=True,
+            refresh_per_second=2,
+            transient=True,
+        )
+        self._bar.add_task("", total=self._total, counts="", doing="")
+        self._bar.start()
 
 
 def event_line(event: Event) -> str:
@@ -202,7 +245,5 @@ def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> P
     if not sys.stderr.isatty():
         click.echo(f"{edge.label}: {size}", err=True)
         return apply(edge, problem)
-    from rich.console import Console
-
-    with Console(file=sys.stderr).status(f"{edge.label}: {size}"):
+    with _stderr().status(f"{edge.label}: {size}"):
         return apply(edge, problem)

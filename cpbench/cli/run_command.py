@@ -4,27 +4,101 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from cpbench.bench.planning import run_plan, suites
+from cpbench.bench.planning import plan_file, run_plan, suites
+from cpbench.bench.planning.run_plan import SETTINGS
 from cpbench.bench.run import open_run
-from cpbench.cli.options import Sections
+from cpbench.cli.options import MEMORY_HELP, TIMEOUT_HELP, VIA_HELP, ListOption, Sections, quiet_option
 from cpbench.cli.progress import Display
-from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
 from cpbench.cli.run_output import announce, finish, print_plan, require_places
 from cpbench.cli.terminal import print_lines
+from cpbench.errors import CpbenchError
 from cpbench.foundation.imports import import_ahead
 from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import builtin_folder
 from cpbench.generators.quick import quick_problems
 
+HELP = {
+    "suite": "Built-in problems, where none are named. quick (default): few and small, 5 s each at most; standard: "
+    "all, by the same solvers; full: all, by all solvers and routes.",
+    "where": "Condition on facts: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
+    "shard": "Part I of N of the problems, the same on every machine; cpbench results merge joins the results.",
+    "solvers": "Solvers to run: names, globs, all, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false].",
+    "routes": "Conversions that may be used; facets adds inner facets, all adds outer ones, relaxations and merely "
+    "necessary conversions. Default: exact; for builtin: facets.",
+    "via": VIA_HELP,
+    "start": "Starts of solvers: cold, file, file:K or previous (the step before of a sequence); a row each.",
+    "tolerance": "Largest measured error of an answer that solves the problem; a row each for 1e-4,1e-8.",
+    "history": "Solve once more to keep the iterates, where a solver can.",
+    "timeout": TIMEOUT_HELP,
+    "memory": MEMORY_HELP,
+    "repeats": "Number of solves of a pair below 1 s.",
+    "seed": "Random seed of the order.",
+    "jobs": "Number of pairs at the same time; their times are marked.",
+    "cluster": "Workers of a Dask scheduler, or to start: local, slurm, pbs, or a file that describes them.",
+    "output": "Results file (SQLite).",
+    "rerun": "Rows to run again; failed is everything but solved, stationary, infeasible and unsupported.",
+    "retry": "Number of times that a crash, timeout or memout is run again.",
+    "keep": "Answers to keep.",
+    "fail_on": "Statuses with which the command ends with 1, or contradiction: wrong,crash,...",
+}
+"""The settings of a plan that are options."""
+FLAGS = {
+    "solvers": ("-s", "--solver"),
+    "tolerance": ("-t", "--tolerance"),
+    "history": ("--history/--no-history",),
+    "jobs": ("-j", "--jobs"),
+    "output": ("-o", "--output"),
+}
+"""The flags of options that are not the name alone."""
+SECTIONS = {
+    "Plan": ["plan_path"],
+    "Problems": ["suite", "where", "shard"],
+    "Solvers and routes": ["solvers", "routes", "via", "start"],
+    "Accuracy": ["tolerance", "history"],
+    "Limits": ["timeout", "memory", "repeats"],
+    "Order and machines": ["seed", "jobs", "cluster"],
+    "Results": ["output", "rerun", "retry", "keep", "no_report", "fail_on"],
+    "Output": ["dry_run", "quiet", "verbose", "help"],
+}
+EXAMPLES = (
+    "cpbench run",
+    "cpbench run scenes/ -s nsgs -s 'newton-*' -t 1e-4,1e-8 --timeout 1m",
+    "cpbench run 'scenes/*.hdf5' -s 'nsgs[omega=0.8:1.4:0.2,shuffle=true|false]' --where 'nc > 100' --dry-run",
+    "cpbench run --suite full --shard 1/4 -o part1.sqlite",
+)
+
+
+def setting_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add an option for each setting in HELP, with its default as text."""
+    for key, text in reversed(HELP.items()):
+        setting = SETTINGS[key]
+        flags = FLAGS.get(key, (f"--{key.replace('_', '-')}",))
+        default = setting.default_text() or None
+        more: dict[str, Any] = {"help": text, "default": default, "show_default": default is not None}
+        if key != "history":
+            more["metavar"] = setting.metavar
+        if setting.many:
+            more |= {"cls": ListOption, "default": default and (default,)}
+        command = click.option(*flags, key, **more)(command)
+    return command
+
 
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)
 @click.argument("problems", nargs=-1, metavar="[PROBLEM|FOLDER|GLOB]...")
-@run_options
+@click.option("--plan", "plan_path", metavar="FILE", help="Plan file (TOML); default: cpbench.toml here; or none.")
+@setting_options
+@click.option("--no-report", is_flag=True, help="Write no report.")
+@click.option("--dry-run", is_flag=True, help="Print what would be run, and how long at most; write nothing.")
+@quiet_option
+@click.option("-v", "--verbose", is_flag=True, help="Print a line for each event to stderr.")
 @click.pass_context
 def command(
     context: click.Context,
@@ -45,12 +119,12 @@ def command(
     leads to it, when a file that was named (not found in a folder) could not be read, and when the results were changed
     after a run wrote them. It is 2 for bad input, and 130 after an interruption, with a file that can be resumed.
     """
-    file = plan_from(plan_path, quiet)
-    given = given_options(context)
-    if file is not None:
-        require_near(file, {**given, "report": None} if no_report else given)
+    file = _plan_from(plan_path, quiet)
+    given = _given_options(context)
     if no_report:
         given["report"] = None
+    if file is not None:
+        _require_near(file, given)
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
@@ -75,3 +149,46 @@ def command(
         sys.exit(130)
     finally:
         display.rest()
+
+
+def _plan_from(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
+    """Return the plan file that is named, or lies here; None where there is none or `none` is given."""
+    place = plan_file.find() if path is None else Path(path)
+    if place is None or path == "none":
+        return None
+    file = plan_file.read(place)
+    if not quiet:
+        click.echo(f"plan: {place}", err=True)
+    return file
+
+
+def _given_options(context: click.Context) -> dict[str, Any]:
+    """Return the values from the command line, by the keys of a plan."""
+    given: dict[str, Any] = {}
+    for parameter in context.command.params:
+        key = parameter.name or ""
+        value = context.params.get(key)
+        default = context.get_parameter_source(key) is ParameterSource.DEFAULT
+        if default or key not in SETTINGS or value == ():
+            continue
+        try:
+            given[key] = SETTINGS[key].from_texts(value if isinstance(value, tuple) else (value,))
+        except CpbenchError as cause:
+            raise click.BadParameter(str(cause), context, parameter) from None
+    return given
+
+
+def _require_near(file: plan_file.PlanFile, given: Mapping[str, Any]) -> None:
+    """Raise CpbenchError where a plan decides to write outside its own folder and the current one: a plan of somebody
+    else must not choose where files go."""
+    folders = (file.path.resolve().parent, Path.cwd().resolve())
+    for key, flag in (("output", "-o"), ("report", "--report")):
+        value = file.top.get(key)
+        if not value or key in given:
+            continue
+        target = Path(str(value)).resolve()
+        if not any(target.is_relative_to(folder) for folder in folders):
+            raise CpbenchError(
+                f"{file.path}: {key} = '{value}' is outside the folder of the plan and the current one; if that is "
+                f"meant, say it on the command line: {flag} {value}"
+            )

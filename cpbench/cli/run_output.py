@@ -3,24 +3,48 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from cpbench.bench import skipped
-from cpbench.bench.planning import dry_run
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.processes.isolation import address_space, address_space_allowed
 from cpbench.bench.results.store import Store
 from cpbench.bench.run import OpenRun, require_answers
-from cpbench.cli import run_text
-from cpbench.cli.terminal import folded, print_lines, width
+from cpbench.cli import dry_run
+from cpbench.cli.terminal import fitted, print_lines
+from cpbench.foundation import kernel_cache
+from cpbench.foundation.plain_text import on_one_line, printable
+from cpbench.foundation.plurals import counted, some_of, summary
 from cpbench.storage.base import require_folder
-from cpbench.verification import Status
+from cpbench.verification import CONTRADICTION, Status
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cpbench.analysis.contradictions import Contradiction
+
+ABSENT = 4
+"""Largest number of solvers of which the end of a run says why they could not run."""
 
 
 def announce(assembly: Assembly) -> None:
-    """Print what a reader should know before the run; raises CpbenchError where there is nothing to run."""
-    print_lines(run_text.planned(assembly), err=True)
+    """Print what a reader of the results should know before they are there; raises CpbenchError where there is nothing
+    to run."""
+    allowed = address_space_allowed()
+    lines = [kernel_cache.remark()]
+    if any(allowed < (pair.limits.memory or 0) + address_space() for pair in assembly.pairs):
+        lines.append(
+            f"the system allows a process {allowed / 2**30:.3g} GiB of address space (ulimit -v), less than the memory "
+            "limit of a solve: solvers get what is left of it"
+        )
+    lines += [f"same problem, run once: {address} is {twin}" for address, twin in assembly.twins]
+    if assembly.pairs and assembly.idle:
+        lines.append(f"no route leads to {', '.join(assembly.idle)}: no row")
+    print_lines(filter(None, lines), err=True)
     assembly.require_pairs()
 
 
@@ -28,9 +52,8 @@ def print_plan(run: OpenRun) -> None:
     """Print the plan, its number of pairs and how long they take at most; nothing is written."""
     plan, assembly = run.plan, run.assembly
     before = skipped.statuses_of(plan.results)
-    for line in dry_run.lines(plan, assembly, before, width()):
-        print_lines(folded(line))
-    print_lines(run_text.refused(assembly.refused), err=True)
+    print_lines(fitted(dry_run.lines(plan, assembly, before)))
+    _print_refused(assembly)
 
 
 def require_places(plan: RunPlan, assembly: Assembly) -> None:
@@ -47,23 +70,78 @@ def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str]
     from cpbench.api.concluding import conclude
     from cpbench.cli.answer import print_answer
 
-    print_lines(run_text.refused(assembly.refused), err=True)
+    _print_refused(assembly)
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
-        print_lines(run_text.not_available(store), err=True)
+        print_lines(_not_available(store), err=True)
     step("looking for contradictions")
     run = RunTable.of(store.table(), store.meta())
     conflicts = conclude(store, run.rows, lambda line: print_lines([line], err=True))
     run = replace(run, meta=store.meta())  # with the contradictions and the collection
     print_answer(run)
-    ending = run_text.ending(plan, store, assembly, run.stored, conflicts)
-    print_lines(("", *ending.lines))
+    print_lines(["", *_last_lines(plan, counts, run.stored)])
     if counts and plan.report_folder is not None:
         from cpbench.api.reports import write_report
 
         step("writing the report")
-        files, _ = write_report(store, plan.report_folder, run_text.title(plan), run)
+        files, _ = write_report(store, plan.report_folder, _title(plan), run)
         print_lines(f"report: {path}" for path in files)
-    print_lines((f"cpbench: {line}" for line in ending.failures), err=True)
-    if ending.failed:
+    failures = list(_failures(plan, store, assembly, conflicts))
+    print_lines((f"cpbench: {line}" for line in failures), err=True)
+    if failures or (not counts and plan.shard == (1, 1)):
         sys.exit(1)
+
+
+def _print_refused(assembly: Assembly) -> None:
+    """Print the problems that could not be read, with the reasons."""
+    lines = ((reason if address in reason else f"{address}: {reason}") for address, reason in assembly.refused)
+    print_lines((f"refused: {line}" for line in lines), err=True)
+
+
+def _not_available(store: Store) -> Iterator[str]:
+    """Yield the reasons why solvers could not run, a line for each of the first; the report has all."""
+    rows = [row for row in store.rows() if row.status == Status.UNAVAILABLE]
+    reasons = {row.solver: ((row.message or "").strip().splitlines() or ["no reason"])[-1] for row in rows}
+    for name, reason in sorted(reasons.items())[:ABSENT]:
+        yield f"not available: {name}: {printable(reason)}"
+    if len(reasons) > ABSENT:
+        yield f"and {counted(len(reasons) - ABSENT, 'more solver')}: cpbench doctor says what each lacks"
+
+
+def _title(plan: RunPlan) -> str:
+    """Return the title of the report."""
+    if plan.builtin:
+        return "The built-in suite"
+    return f"The {plan.suite} suite" if plan.suite else plan.results.stem
+
+
+def _last_lines(plan: RunPlan, counts: dict[str, int], table: pd.DataFrame) -> Iterator[str]:
+    """Yield how many pairs ended how, what to beware of, and the results file."""
+    from cpbench.analysis.remarks import remarks
+
+    nothing = "none in this shard" if plan.shard != (1, 1) else "none could be run"
+    yield f"{counted(sum(counts.values()), 'pair')}: {summary(counts) or nothing}"
+    wrong = table["label"][table["status"] == str(Status.WRONG)].value_counts()
+    if len(wrong):
+        yield f"wrong answers by {', '.join(f'{label} ({count})' for label, count in wrong.items())}"
+    yield from remarks(table)
+    yield f"results: {plan.results}"
+
+
+def _failures(plan: RunPlan, store: Store, assembly: Assembly, found: Sequence[Contradiction]) -> Iterator[str]:
+    """Yield why a run failed: rows are missing, what was named could not be used, or as `fail_on` says."""
+    from cpbench.analysis.contradictions import involving
+
+    if gaps := skipped.gaps(store, assembly):
+        yield f"rows are missing: {', '.join(gaps)}; the same command goes on"
+    if absent := skipped.not_run(store, assembly):
+        yield f"named and not run: {some_of(absent, ABSENT)}"
+    asked = {str(text) for part in plan.sets for text in part.problems}
+    refused = [address for address, _ in assembly.refused]
+    if named := [on_one_line(one) for one in refused if {one, one.partition("::")[0]} & asked]:
+        yield f"named and not read: {some_of(named, ABSENT)}"
+    listed = skipped.failures(store, plan, assembly.pairs)
+    if CONTRADICTION in plan.fail_on:
+        listed += Counter({CONTRADICTION: len(involving(found, (pair.key for pair in assembly.pairs)))})
+    if listed:
+        yield f"{summary(listed)} (--fail-on)"

@@ -9,11 +9,8 @@ from cpbench.api.results import is_results_file
 from cpbench.cli.answer import print_results
 from cpbench.cli.options import (
     Command,
-    angle_option,
-    facets_option,
     format_option,
     kinds_option,
-    require_with_via,
     via_option,
 )
 from cpbench.cli.types import ADDRESS
@@ -25,17 +22,13 @@ from cpbench.report import show
 @click.argument("source", metavar="FILE", type=ADDRESS)
 @click.option("--as", "node", metavar="NODE", help="Formulation to convert to first (cpbench list formulations).")
 @via_option
-@facets_option
-@angle_option
 @kinds_option()
 @format_option
 def command(
     source: str,
     node: str | None,
     via: tuple[str, ...],
-    facets: int,
-    angle: float,
-    kinds: frozenset[Kind],
+    kinds: frozenset[Kind] | None,
     file_format: str | None,
 ) -> None:
     """Show a problem: its equations and its data, in numbers when small, as block structure when large.
@@ -48,7 +41,6 @@ def command(
             raise click.UsageError("a results file is shown without options; its report: cpbench report")
         print_results(source)
         return
-    require_with_via(via)
     problem = load(source, format=file_format)
-    problem = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}).problem
+    problem = convert(problem, node, via, kinds=kinds).problem
     click.echo(show.text(problem))

@@ -6,18 +6,15 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from cpbench.cli.options import (
     Command,
-    facets_option,
     force_option,
     format_option,
     json_option,
     limit_options,
-    require_with_via,
     tolerance_option,
     via_option,
 )
@@ -25,9 +22,6 @@ from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.foundation.child_processes import THREAD_VARIABLES
 from cpbench.foundation.imports import uncollected
-
-if TYPE_CHECKING:
-    from cpbench.bench.events import Event
 
 AUTO = "auto"
 
@@ -43,7 +37,6 @@ AUTO = "auto"
     help="Solver (cpbench list solvers); auto: cpbench chooses among its own, as cpbench.solve does.",
 )
 @via_option
-@facets_option
 @click.option(
     "--routes", type=click.Choice(["exact", "all"]), default="exact", show_default=True, help="Conversions to consider."
 )
@@ -68,7 +61,6 @@ def command(
     problem: str,
     solver: str,
     via: tuple[str, ...],
-    facets: int,
     routes: str,
     start: str,
     tolerance: float,
@@ -88,32 +80,23 @@ def command(
     tells what each of them does. The solver runs in a separate process, which is stopped at the limits. With --all
     the command lists all solutions instead, found in exact arithmetic.
 
-    The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... && lift
-    ...` lifts no wrong answer. The answer is written in either case.
+    The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... &&
+    convert ... --lift` lifts no wrong answer. The answer is written in either case.
     """
-    require_with_via(via)
     if every and (solver != AUTO or via or start != "cold"):
         raise click.UsageError("--all looks at every complementary basis: leave out -s, --via and --start")
     for variable in THREAD_VARIABLES:  # before what reads them is imported
         os.environ[variable] = str(threads)
     with uncollected():
-        from cpbench.api.solve_alone import SolveRequest, own, reply, solve_alone
         from cpbench.bench.planning.plan import Limits
+        from cpbench.cli.solve_process import SolveRequest, own, solve_alone, solve_apart
 
         ours = own(solver)
     limits = Limits(timeout, memory, threads, repeats=1)
     asked = SolveRequest(
-        problem, solver, every, via, facets, routes, start, tolerance, limits, file_format, output, force, verbose
+        problem, solver, every, via, routes, start, tolerance, limits, file_format, output, force, verbose
     )
-    if ours:
-        told = solve_alone(asked, _say_compiling)
-    else:
-        from cpbench.api.solve_apart import solve_apart
-        from cpbench.storage.base import require_new
-
-        if output is not None:
-            require_new(output, force)
-        told = reply(asked, solve_apart(asked, _show))
+    told = (solve_alone if ours else solve_apart)(asked, _say_compiling)
     for line in [json.dumps(told["record"])] if as_json else told["lines"]:
         click.echo(line)
     if output is not None and not told["written"]:
@@ -123,14 +106,6 @@ def command(
         print_lines([f"answer: {output}"], err=as_json)
     if not told["good"]:
         sys.exit(1)
-
-
-def _show(event: Event) -> None:
-    """Say that a solver compiles, which takes seconds."""
-    from cpbench.bench.events import Compiling
-
-    if isinstance(event, Compiling):
-        _say_compiling(event.solver)
 
 
 def _say_compiling(solver: str) -> None:

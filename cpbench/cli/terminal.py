@@ -39,6 +39,14 @@ def print_lines(lines: Iterable[str], err: bool = False) -> None:
         click.echo(on_one_line(line), err=err)
 
 
+def columns_of(rows: Sequence[Sequence[str]], right: Sequence[bool] = (), gap: int = 2) -> Iterator[str]:
+    """Yield rows as lines, every column as wide as its widest cell, those that are `right` with blanks before it."""
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    sides = [str.rjust if side else str.ljust for side in right or [False] * len(widths)]
+    for row in rows:
+        yield (" " * gap).join(side(cell, w) for side, cell, w in zip(sides, row, widths, strict=True)).rstrip()
+
+
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """Yield rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit.
 
@@ -48,7 +56,7 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     rows = [tuple(map(on_one_line, row)) for row in rows]
     room = width()
     longest = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
-    lines = ["  ".join(map(str.ljust, row, longest)).rstrip() for row in rows]
+    lines = list(columns_of(rows))
     if room is None or max(map(len, lines), default=0) <= room:
         yield from lines
         return

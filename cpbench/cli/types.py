@@ -75,19 +75,12 @@ MEMORY = Parsed("size", quantities.size)
 """`512M`, `4G`, or a number of bytes; `0` or `none` for no limit."""
 LENGTH = Parsed("length", _length, "is not a length: write 3.5in, 89mm or 8.9cm")
 """`3.5in`, `89mm` or `8.9cm`, in inches."""
-FACETS = Parsed("number", lambda text: quantities.facet_count(int(text)), "is not a number of facets; write one, as 8")
-"""`8`: one number of facets, even and at least 4."""
 ADDRESS = Parsed("problem", _located)
 """A file, FILE::NAME, or one of the built-in problems, `builtin/lcp/american-put.h5::american-put-100`."""
 FACET_LIST = Parsed(
     "numbers",
     lambda text: tuple(quantities.facet_count(int(part)) for part in text.split(",")),
     "is not a list of numbers; write 8 or 8,16",
-)
-NUMBERS = Parsed(
-    "numbers",
-    lambda text: tuple(float(part) for part in text.split(",")),
-    "is not a list of numbers; write 1e-6 or 1e-4,1e-6",
 )
 SETTINGS = Parsed("settings", lambda text: tuple(map(_setting, text.split(","))), "is not NAME=VALUE, as in nu=0.5")
 """`nu=0.5` or `nu=0.5,dt=1e-3`: names and numbers."""

@@ -14,7 +14,7 @@ from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
 from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
-from cpbench.cli.terminal import print_lines
+from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
@@ -98,11 +98,12 @@ def _table(measures: Sequence[verification.PublishedMeasure], tolerance: float) 
     if not measures:
         return
     words = {True: "yes", False: "no", None: "-"}
-    within = f"at most {number(tolerance)}"
-    yield f"  {'measure':<36} {'value':<9} {within:<15} whose"
-    for row in measures:
-        whose = row.source.partition(" (")[0]
-        yield f"  {row.name:<36} {number(row.value):<9} {words[row.within(tolerance)]:<15} {whose}"
+    head = ("  measure", "value", f"at most {number(tolerance)}", "whose")
+    rows = [
+        (f"  {row.name}", number(row.value), words[row.within(tolerance)], row.source.partition(" (")[0])
+        for row in measures
+    ]
+    yield from table([head, *rows])
     yield from (f"  {source}" for source in sorted({row.source for row in measures}))
 
 

@@ -33,7 +33,7 @@ def builtin_folder() -> Path:
     for folder in (package / "problems", package.parent / "problems"):
         if any(folder.glob("*/*.h5")):
             return folder
-    raise CpbenchError("the built-in problems are not installed; write them with: cpbench generate FOLDER")
+    raise CpbenchError("the built-in problems are not installed; write them with: cpbench collection generate FOLDER")
 
 
 def address_text(address: str) -> str:

@@ -118,7 +118,7 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
 
     >>> solve_command({"address": "a b.h5", "label": "lemke@inner8", "solver": "lemke", "request": "inner8",
     ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
-    "cpbench solve 'a b.h5' -s lemke --via inner --facets 8 --tolerance 1e-06 --timeout 10s"
+    "cpbench solve 'a b.h5' -s lemke --via 'inner[facets=8]' --tolerance 1e-06 --timeout 10s"
     """
     if row.get("origin"):  # the solver is not here; the answer may be measured again
         words = ["cpbench", "verify", one_line(row["address"]), "--answer", "ANSWER"]
@@ -148,14 +148,8 @@ def _route_options(request: str) -> list[str]:
     facets = _FACETS.fullmatch(request)
     if facets:
         how, count, target = facets.groups()
-        return ["--via", f"fc-{target}-{how}" if target else how, "--facets", count]
+        return ["--via", f"{f'fc-{target}-{how}' if target else how}[facets={count}]"]
     edges = [_EDGE.fullmatch(part) for part in request.split("+")]
     if all(edges) and "-" in request:
-        options: list[str] = []
-        for edge in edges:
-            assert edge is not None
-            knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
-            alone = len(edges) == 1 and knobs.keys() == {"facets"}
-            options += ["--via", edge[1], "--facets", knobs["facets"]] if alone else ["--via", edge[0]]
-        return options
+        return [word for edge in edges if edge is not None for word in ("--via", edge[0])]
     return ["--routes", "all"]

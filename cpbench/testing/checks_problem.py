@@ -105,8 +105,8 @@ def check_data_are_read_only(collection: Collection, cases: list[Case]) -> None:
 
 
 def check_files_keep_them(collection: Collection, cases: list[Case]) -> None:
-    """Check that, written as `cpbench generate` does, they are read again with the same numbers, and so is what is
-    known."""
+    """Check that, written as `cpbench collection generate` does, they are read again with the same numbers, and so is
+    what is known."""
     with tempfile.TemporaryDirectory() as folder:
         pack, sheet = write_collections(Path(folder), [collection.name])
         tomllib.loads(sheet.read_text(encoding="utf-8"))

@@ -11,7 +11,7 @@ from cpbench.api.problems import load
 from cpbench.api.results import is_results_file
 from cpbench.bench.planning.plan import Limits
 from cpbench.cli.options import Command, ListOption, format_option, memory_option, quiet_option, threads_option
-from cpbench.cli.steps import Steps
+from cpbench.cli.progress import Steps
 from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
 from cpbench.generators.collection import address_text
@@ -57,7 +57,7 @@ def command(
     problem without it; else it is suspected. A right answer may have other complaints: what the solver claims of it, or
     its time. Remedies are tried, and their answers measured on the original problem: limits, tolerance, units, start,
     solvers of other methods and formulations, cpbench certify. With RESULTS, options, route, tolerance and limit are
-    those of the row. `cpbench route PROBLEM --explain` says why a problem cannot reach a formulation. The exit code is
+    those of the row. `cpbench graph PROBLEM --explain` says why a problem cannot reach a formulation. The exit code is
     1 when no remedy works.
     """
     with Steps(quiet) as steps:

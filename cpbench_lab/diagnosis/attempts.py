@@ -57,7 +57,7 @@ class SolverTrial:
 
     def arrive(self) -> graph.Arrival:
         """Bring the problem to the solver's formulation; raises NoRoute, NotApplicable."""
-        kinds, pinned = plan.parse_request(plan.pinned(list(self.via), {})) if self.via else (graph.EXACT, ())
+        kinds, pinned = plan.parse_request(plan.pinned(self.via)) if self.via else (graph.EXACT, ())
         return graph.arrive(self.problem, self.named[0].spec.node, kinds, pinned)
 
 

@@ -173,13 +173,13 @@ class Trials:
         asked, entry = self.asked, plan.parse_entry(solver)
         failing = solver == asked.solver
         if asked.via and failing:
-            requests: Sequence[plan.Request] = [plan.pinned(asked.via, {})]
+            requests: Sequence[plan.Request] = [plan.pinned(asked.via)]
         else:
             requests = plan.requests("all", ()) if asked.routes == "all" and failing else [plan.exact()]
         survey = self._slot.survey(address, requests)
         found = plan.pairs([survey], [entry], requests, asked.tolerance, asked.limits, relaxations=failing)
         if not found:
-            raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench route FILE --explain")
+            raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench graph FILE --explain")
         return found[0]
 
     def _remember(self, fingerprint: str, holds: bool) -> None:

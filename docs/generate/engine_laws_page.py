@@ -88,8 +88,8 @@ limit is the law of the first row below. Files with A, b, lo, hi, findex are rea
 [the guide](../guides/simulation-engineer.md#boxed-lcps-of-ode-dart-bullet-and-gazebo) shows them."""
 COMMANDS = """## Commands
 
-Each command writes the law of one scene as a problem; `cpbench solve` and `cpbench lift` lead back to the forces of
-its contacts."""
+Each command writes the law of one scene as a problem; `cpbench solve` and `cpbench convert --lift` lead back to the
+forces of its contacts."""
 DISTANCES = """## Distance from Coulomb's law
 
 The scenes are those of {file}: {scenes}. A cell has the largest difference of the velocities at the contacts, in

@@ -27,7 +27,7 @@ answer, and the bodies could not move on."""
 OUTLOOK = """## How to repeat it
 
 `python benchmarks/motion.py FOLDER` measures the table and draws the figure; `--solver NAME` takes others.
-`cpbench generate --scene NAME -o FILE` writes scenes that move in the same way (towers, arches, chains, heaps, ...) as
+`cpbench collection scene NAME -o FILE` writes scenes that move in the same way (towers, arches, chains, heaps, ...) as
 sequences of contact problems."""
 ROUNDING = 1e-10
 """Errors of motions above this are no rounding of the time stepping."""

@@ -7,8 +7,7 @@ import sqlite3
 
 from page_parts import table, verbatim
 
-from cpbench.bench.planning import plan_file
-from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS
+from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.results import database
 from cpbench.solvers.external import declared
 from cpbench.storage import annotations, hdf5_points, native
@@ -26,7 +25,8 @@ def page() -> str:
         *_tables(),
         "## Plans: TOML",
         verbatim(inspect.getdoc(plan_file) or ""),
-        f"Keys of a run: {_code(RUN_KEYS)}.\n\nKeys of a set: {_code(SET_KEYS)}. `cpbench run --help` explains each.",
+        f"Keys of a run: {_code(run_plan.RUN_SETTINGS)}.",
+        f"Keys of a set: {_code(run_plan.SET_SETTINGS)}. `cpbench run --help` explains each.",
         "## Declared solvers: TOML",
         verbatim(inspect.getdoc(declared) or ""),
     ]

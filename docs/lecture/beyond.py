@@ -42,7 +42,7 @@ def section() -> Section:
                 (
                     "cpbench solve problems.h5::anisotropic --solver nsgs",
                     "cpbench solve problems.h5::rolling --solver nsgs-rfc",
-                    "cpbench graph --format text",
+                    "cpbench graph",
                 )
             ),
         ),

@@ -135,7 +135,7 @@ def _mixed() -> tuple[Block, ...]:
             (
                 "cpbench solve problems.h5::kojima-shindo --solver path-search",
                 "cpbench solve problems.h5::cubic-cone --solver newton-vi",
-                "cpbench route problems.h5::kojima-shindo --to equation",
+                "cpbench graph problems.h5::kojima-shindo --to equation",
             )
         ),
         text(

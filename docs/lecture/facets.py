@@ -184,8 +184,8 @@ def _price() -> tuple[Block, ...]:
         ),
         Try(
             (
-                "cpbench solve problems.h5::sliding --solver lemke --via inner --facets 16",
-                "cpbench convert problems.h5::sliding sliding-as-lcp.h5 --to lcp --via inner --facets 8",
+                "cpbench solve problems.h5::sliding --solver lemke --via 'inner[facets=16]'",
+                "cpbench convert problems.h5::sliding sliding-as-lcp.h5 --to lcp --via 'inner[facets=8]'",
                 "cpbench plot facets --facets 4,8,16 -o facets.svg",
                 "cpbench solve problems.h5::plane --solver lemke",
             )

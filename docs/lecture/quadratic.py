@@ -166,7 +166,7 @@ def _solve() -> tuple[Block, ...]:
                 "cpbench show problems.h5::qp",
                 "cpbench solve problems.h5::qp --solver daqp",
                 "cpbench convert problems.h5::qp qp-as-mlcp.h5 --to mlcp",
-                "cpbench route problems.h5::qp --to lcp",
+                "cpbench graph problems.h5::qp --to lcp",
             )
         ),
     )

@@ -81,7 +81,7 @@ def _boxes() -> tuple[Block, ...]:
             (
                 "cpbench solve problems.h5::avi --solver lemke",
                 "cpbench solve problems.h5::relay --solver newton-relay",
-                "cpbench route problems.h5::avi-box --to lcp",
+                "cpbench graph problems.h5::avi-box --to lcp",
             )
         ),
     )

@@ -80,7 +80,10 @@ def assert_known(part: str, line: str) -> None:
         name, *words = words
         command = command.get_command(click.Context(command), name)
     assert command is not None, line
-    known = {flag for option in command.params for flag in (*option.opts, *option.secondary_opts)} | {"--help"}
+    known = {flag for option in command.params for flag in (*option.opts, *option.secondary_opts)} | {
+        "--help",
+        "--plugin",
+    }
     used = {word.partition("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)}
     assert used <= known, (line, used - known)
 

@@ -227,7 +227,7 @@ def test_a_folder_that_cannot_be_written(unwritable: Path, tmp_path: Path) -> No
     assert_refused(run(tmp_path, unwritable / "new.sqlite"), unwritable / "new.sqlite", "cannot be written", "-o")
     assert_refused(run(tmp_path, path), path, "cannot be written", "-o")
     assert read_results(path).status.value_counts()["solved"] == 1
-    assert cpbench("export", path, "--rows", tmp_path / "rows.csv").returncode == 0
+    assert cpbench("results", "export", path, "--rows", tmp_path / "rows.csv").returncode == 0
 
 
 def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(unwritable: Path, tmp_path: Path) -> None:
@@ -274,7 +274,7 @@ def test_two_runs_on_one_file(tmp_path: Path) -> None:
         assert_refused(run(tmp_path, path), path, f"process {holder.pid} on ", "writing it since 20", "-o")
         assert path.read_bytes() == before
         assert list(read_results(path).status) == ["solved", "solved"]
-        assert cpbench("export", path, "--rows", tmp_path / "rows.csv").returncode == 0
+        assert cpbench("results", "export", path, "--rows", tmp_path / "rows.csv").returncode == 0
     finally:
         holder.kill()
         holder.communicate()
@@ -370,7 +370,7 @@ def test_through_the_command_line(tmp_path: Path) -> None:
         if path != tmp_path:
             assert_refused(run(tmp_path, path), path, word)
         if path.exists():
-            assert_refused(cpbench("export", path, "--rows", tmp_path / "rows.csv"), path, word)
+            assert_refused(cpbench("results", "export", path, "--rows", tmp_path / "rows.csv"), path, word)
 
 
 @pytest.mark.nightly

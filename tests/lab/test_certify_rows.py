@@ -148,7 +148,7 @@ def test_forged_rows_are_caught(name: str, several: Path) -> None:
 
 
 def test_proofs_are_merged(several: Path) -> None:
-    assert command(several.parent, "merge", "r.sqlite", "-o", "m.sqlite").returncode == 0
+    assert command(several.parent, "results", "merge", "r.sqlite", "-o", "m.sqlite").returncode == 0
     assert checked(several.parent / "m.sqlite") == (
         0, [line.replace("r.sqlite", "m.sqlite") for line in checked(several)[1]]
     )  # fmt: skip

@@ -15,7 +15,7 @@ from command_line import cpbench as command
 from planted_causes import local, tower
 
 import cpbench as cp
-from cpbench.cli.steps import Steps
+from cpbench.cli.progress import Steps
 from cpbench.formulations import LCPPoint
 from cpbench.formulations.base import formulations
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers

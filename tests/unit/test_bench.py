@@ -171,7 +171,7 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
     storage.save(problem, tmp_path / "p.h5")
     referee = Referee(tmp_path)
     for way in ("mlcp-lcp-schur", "mlcp-lcp-split"):
-        request = plan.pinned([way], {})
+        request = plan.pinned([way])
         case = _case(str(tmp_path / "p.h5"), problem.fingerprint, "qp", request)
         reply = referee.prepare(case)
         steps = referee._cache.ready(case)[1].problem.provenance

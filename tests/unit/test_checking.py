@@ -180,7 +180,7 @@ def test_convert_check_ends_with_1_on_a_broken_lift(monkeypatch, capsys, lcp_fil
 
 
 def test_route_all_shows_every_route_with_its_size(monkeypatch, capsys, lcp_file):
-    assert cpbench(monkeypatch, "route", lcp_file, "--to", "mlcp", "--to", "rfc", "--all", "--explain") == 0
+    assert cpbench(monkeypatch, "graph", lcp_file, "--to", "mlcp", "--to", "rfc", "--all", "--explain") == 0
     lines = capsys.readouterr().out.splitlines()
     problem = storage.load(lcp_file)
     every = list(graph.arrivals(problem, "mlcp"))
@@ -202,7 +202,7 @@ def test_a_size_that_can_be_predicted_needs_no_conversion(monkeypatch, capsys, l
 
     conversions.names()
     monkeypatch.setitem(conversions._items, "lcp-mlcp", Large)
-    assert cpbench(monkeypatch, "route", lcp_file, "--to", "mlcp", "--all") == 0
+    assert cpbench(monkeypatch, "graph", lcp_file, "--to", "mlcp", "--all") == 0
     said = capsys.readouterr().out
     assert "1  lcp-mlcp (equivalent; ~ 1000000 rows, 1000000000000 entries, 8e+03 GB at most)" in said
 
@@ -210,10 +210,10 @@ def test_a_size_that_can_be_predicted_needs_no_conversion(monkeypatch, capsys, l
 def test_route_explain_tells_the_measured_number(monkeypatch, capsys, tmp_path):
     path = tmp_path / "n.h5"
     storage.save(LCP(M=np.array([[1.0, 2.0], [0.0, 1.0]]), q=[-1.0, -1.0]), path)
-    assert cpbench(monkeypatch, "route", path, "--to", "qp", "--all", "--explain") == 0
+    assert cpbench(monkeypatch, "graph", path, "--to", "qp", "--all", "--explain") == 0
     assert "lcp-qp refuses: M is not symmetric, asymmetry = 1.0e+00" in capsys.readouterr().out
     storage.save(LCP(M=np.array([[-1.0, 2.0], [0.0, 1.0]]), q=[-1.0, -1.0]), path, force=True)
-    assert cpbench(monkeypatch, "route", path, "--to", "qp", "--all", "--explain") == 0
+    assert cpbench(monkeypatch, "graph", path, "--to", "qp", "--all", "--explain") == 0
     # (M + Mᵀ)/2 = [[-1, 1], [1, 1]] has the eigenvalues ±√2
     said = capsys.readouterr().out
     assert "the symmetric part of M is not positive semidefinite, least eigenvalue at unit diagonal -1.4e+00" in said
@@ -237,7 +237,7 @@ def test_the_matrix_finds_a_broken_lift(monkeypatch, capsys, crooked, names):
     """Of all solvers it takes minutes: where no answer is right, each is asked thrice for every planted problem."""
     if names is not None:
         monkeypatch.setattr(checking, "solvers", [checking.solvers.get(name) for name in names])
-    assert cpbench(monkeypatch, "graph", "--check", "--node", "lcp", "--node", "mlcp") == 1
+    assert cpbench(monkeypatch, "graph", "--check", "--to", "lcp", "--to", "mlcp") == 1
     said = capsys.readouterr().out
     assert "lcp -> mlcp: above 1e-09" in said
     assert "1 of 2 pairs within 1e-09" in said

@@ -1,4 +1,4 @@
-"""What a run shows: a live table on a terminal, lines elsewhere, a log; and what is left after Ctrl-C."""
+"""What a run shows: a bar on a terminal, lines elsewhere; and what is left after Ctrl-C."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Slow(Solver):
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=-prepared.q / 2.0))
 """
 
-LEMKE = r"lemke\s+[1-9]\d*\s"
-"""A row of the live table: the solver, and that it has solved some."""
+BAR = r"[1-9]\d*/80\s+pairs,\s+\S+\s+left\s+\d+ solved"
+"""What the bar says of some pairs that were solved."""
 
 
 @pytest.fixture
@@ -78,15 +78,12 @@ def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], boo
 
 
 @pytest.mark.nightly
-def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder: Path) -> None:
+def test_a_terminal_shows_a_bar_and_ctrl_c_leaves_a_resumable_file(folder: Path) -> None:
     """Interrupted while the second problem is being solved: exit code 130, nothing half-written, and it goes on."""
     arguments = command("-s", "lemke", "-s", "slow", "--timeout", "20s", "-o", "r.sqlite")
-    code, seen = on_a_terminal(folder, arguments, lambda text: "slow on p" in text and bool(re.search(LEMKE, text)))
+    code, seen = on_a_terminal(folder, arguments, lambda text: "slow on p" in text and bool(re.search(BAR, text)))
     assert code == 130, seen
-    assert re.search(r"done\s.*\s\d+/80 pairs, +\S+ left", seen), seen
-    assert re.search(r"solving\s+slow on p\d+\s+[\d.]+ s of 20 s", seen), seen
-    assert re.search(r"solver\s+solved\s+failed\s+time", seen), seen
-    assert re.search(LEMKE, seen), seen
+    assert re.search(r"slow on p\d+, at most 20 s", seen), seen
     assert "interrupted; r.sqlite has what was done, the same command goes on" in " ".join(seen.split())
     with Store(folder / "r.sqlite") as store:
         counts = store.counts()

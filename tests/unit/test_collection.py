@@ -17,7 +17,6 @@ from cpbench import storage
 from cpbench.api.concluding import quote_collection
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
-from cpbench.cli.collection_command import size_rows
 from cpbench.formulations import LCP
 from cpbench.generators import generators
 from cpbench.generators.base import LARGE, SMALL, STANDARD
@@ -112,14 +111,14 @@ def test_a_collection_of_the_standard_tier_is_as_published(tmp_path: Path) -> No
 
 @pytest.mark.nightly
 def test_the_standard_tier_is_compared_with_the_published_sheets(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["generate", "--tier", "standard", str(tmp_path)])
+    done = CliRunner().invoke(cli, ["collection", "generate", "--tier", "standard", str(tmp_path)])
     assert done.exit_code == 0, done.output
     assert done.stdout.endswith("every problem is that of cpbench-collection 2026.12\n")
 
 
 def test_a_tier_that_is_not_shipped_needs_a_folder(tmp_path: Path) -> None:
     for arguments in (["--tier", "large"], ["--tier", "standard", str(tmp_path), "--check"]):
-        done = CliRunner().invoke(cli, ["generate", *arguments])
+        done = CliRunner().invoke(cli, ["collection", "generate", *arguments])
         assert done.exit_code == 2
         assert "needs a FOLDER to write to" in done.output
 
@@ -150,16 +149,6 @@ def test_the_list_counts_the_problems_of_the_catalogue() -> None:
     assert totals["1e3+"] == sum(1000 <= entry.unknowns < 10_000 for entry in ENTRIES)
     assert sum(totals[name] for name in head if name.endswith("+")) == len(ENTRIES)
     assert f"licence: {len(ENTRIES)} CC0-1.0" in lines
-
-
-def test_the_histogram_has_every_decade_and_bars_in_proportion() -> None:
-    def drawn(counts: dict[int, int]) -> list[tuple[str, ...]]:
-        entries = [replace(ENTRIES[0], unknowns=size) for size, count in counts.items() for _ in range(count)]
-        return list(size_rows(entries))[1:]
-
-    rows = drawn({5: 100, 30: 50, 5000: 1})
-    assert [row[0] for row in rows] == ["1 to 9", "10 to 99", "100 to 999", "1000 to 9999"]
-    assert [(row[-2], len(row[-1])) for row in rows] == [("100", 50), ("50", 25), ("0", 0), ("1", 1)]
 
 
 def test_families_are_listed_with_their_sizes() -> None:

@@ -90,7 +90,7 @@ def test_a_report_says_what_is_not_proved(tmp_path: Path) -> None:
 def test_files_that_are_merged_contradict_each_other(tmp_path: Path) -> None:
     results_file(tmp_path / "a.sqlite", table(row("p", "lemke", "solved", 1.0)))
     results_file(tmp_path / "b.sqlite", table(denied()))
-    done = command(tmp_path, "merge", "a.sqlite", "b.sqlite", "-o", "both.sqlite")
+    done = command(tmp_path, "results", "merge", "a.sqlite", "b.sqlite", "-o", "both.sqlite")
     assert "denier claims that it is infeasible" in done.stdout, done.stderr
     with Store(tmp_path / "both.sqlite") as store:
         assert [one["kind"] for one in store.meta()["contradictions"]] == ["existence"]

@@ -157,7 +157,7 @@ def _run(folder: Path, *arguments: str) -> None:
 def written(folder: Path) -> Path:
     for name in ("r", "plain"):
         _run(folder, "report", f"{name}.sqlite", "-o", name, "--title", SCRIPT if name == "r" else "tag")
-        _run(folder, "export", f"{name}.sqlite", "--rows", f"{name}/export.csv")
+        _run(folder, "results", "export", f"{name}.sqlite", "--rows", f"{name}/export.csv")
         _run(folder, "compare", f"{name}.sqlite", f"{name}.sqlite", *_outputs(name))
         _run(folder, "plot", "profile", f"{name}.sqlite", "-o", f"{name}/plot.svg")
         _run(folder, "info", f"{name}.sqlite")

@@ -1,4 +1,4 @@
-"""`cpbench generate --scene`: both forms of every step, bit for bit the same again, and what it refuses."""
+"""`cpbench collection scene`: both forms of every step, bit for bit the same again, and what it refuses."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import pytest
 from command_line import cpbench
 
 from cpbench import graph, storage
-from cpbench.cli.generate_command import command
+from cpbench.cli.collection_command import scene
 from cpbench.foundation import matrices
 from cpbench.verification import judge
 from cpbench_problems.scenes.bodies import families
 
 pytestmark = pytest.mark.needs("cpbench_solvers")
 
-SPHERES = ("generate", "--scene", "spheres", "--size", "6", "--steps", "4", "--seed", "3")
+SPHERES = ("collection", "scene", "spheres", "--size", "6", "--steps", "4", "--seed", "3")
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +75,13 @@ def test_the_source_makes_the_same_file_again(written: Path, tmp_path: Path) -> 
 def test_joints_and_rolling_friction_have_their_formulations(tmp_path: Path) -> None:
     for name, nodes in (("chain", {"fc", "gfc"}), ("rolling-heap", {"rfc", "grfc"})):
         file = tmp_path / f"{name}.h5"
-        done = cpbench(tmp_path, "generate", "--scene", name, "--size", "2", "--steps", "1", "-o", str(file))
+        done = cpbench(tmp_path, "collection", "scene", name, "--size", "2", "--steps", "1", "-o", str(file))
         assert done.returncode == 0, done.stdout + done.stderr
         assert {storage.load(address).node for address in storage.problem_files([file])} == nodes
 
 
 def test_another_solver_moves_the_bodies(tmp_path: Path) -> None:
-    done = cpbench(tmp_path, "generate", "--scene", "tower", "--size", "1", "--steps", "2", "-s", "nsgs", "-o", "t.h5")
+    done = cpbench(tmp_path, "collection", "scene", "tower", "--size", "1", "--steps", "2", "-s", "nsgs", "-o", "t.h5")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "solved by nsgs: all steps" in done.stdout
 
@@ -89,39 +89,30 @@ def test_another_solver_moves_the_bodies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("--scene", "towr"), "unknown scene 'towr': did you mean tower"),
-        (("--scene", "arch", "--size", "2"), "size: is 2: a scene arch has at least 3 stones"),
-        (("--scene", "tower", "--mu", "-1"), "mu: is -1, expected a number of at least 0"),
-        (("--scene", "tower", "-s", "no-such"), "unknown solver 'no-such'"),
-        (("--scene", "tower", "--check"), "--scene goes with -o FILE, not with"),
+        (("towr"), "unknown scene 'towr': did you mean tower"),
+        (("arch", "--size", "2"), "size: is 2: a scene arch has at least 3 stones"),
+        (("tower", "--mu", "-1"), "mu: is -1, expected a number of at least 0"),
+        (("tower", "-s", "no-such"), "unknown solver 'no-such'"),
     ],
 )
 def test_what_makes_no_scene_is_refused_and_nothing_written(given: tuple[str, ...], said: str, tmp_path: Path) -> None:
-    done = cpbench(tmp_path, "generate", *given, "--steps", "1", "-o", "s.h5")
+    done = cpbench(tmp_path, "collection", "scene", *given, "--steps", "1", "-o", "s.h5")
     assert done.returncode == 2
     assert said in done.stdout + done.stderr
     assert not list(tmp_path.iterdir())
 
 
-def test_options_of_scenes_need_a_scene_and_a_scene_a_new_file(tmp_path: Path) -> None:
-    for given, said in (
-        (("--size", "3"), "--size is of a scene: add --scene NAME"),
-        (("--mass-ratio", "10"), "--mass-ratio is of a scene: add --scene NAME"),
-        (("--scene", "tower"), "--scene needs -o FILE"),
-    ):
-        done = cpbench(tmp_path, "generate", *given)
-        assert done.returncode == 2
-        assert said in done.stdout + done.stderr
+def test_an_existing_file_is_kept(tmp_path: Path) -> None:
     there = tmp_path / "there.h5"
     there.write_text("mine")
-    done = cpbench(tmp_path, "generate", "--scene", "tower", "-o", str(there))
+    done = cpbench(tmp_path, "collection", "scene", "tower", "-o", str(there))
     assert done.returncode == 2
     assert "--force replaces it" in done.stdout + done.stderr
     assert there.read_text() == "mine"
 
 
 def test_the_help_names_every_scene() -> None:
-    assert command.help is not None
-    listed = re.search(r"global form: (.*?)\.", command.help, re.DOTALL)
+    assert scene.help is not None
+    listed = re.search(r"global form: (.*?)\.", scene.help, re.DOTALL)
     assert listed is not None
     assert sorted(" ".join(listed[1].split()).split(", ")) == sorted(families.names())

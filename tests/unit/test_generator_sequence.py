@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from generated import instances
 
 from cpbench import graph, storage
-from cpbench.cli.generate_command import command
+from cpbench.cli.collection_command import generate
 from cpbench.formulations.transfer import BY_ID, transfer
 from cpbench.foundation import matrices
 from cpbench.generators import generators
@@ -119,7 +119,7 @@ def test_a_second_run_gives_the_same() -> None:
 
 
 def test_written_as_a_pack_and_read_again(tmp_path: Path) -> None:
-    run = CliRunner().invoke(command, [str(tmp_path), "--collection", "contact-sequence"])
+    run = CliRunner().invoke(generate, [str(tmp_path), "--family", "contact-sequence"])
     assert run.exit_code == 0, run.output
     pack = tmp_path / "fc" / "contact-sequence.h5"
     assert storage.problem_files([pack]) == [f"{pack}::step-{k:03d}" for k in range(32)]
@@ -138,7 +138,7 @@ def test_written_as_a_pack_and_read_again(tmp_path: Path) -> None:
 
 def test_the_scene_is_not_shipped(tmp_path: Path) -> None:
     assert not generators.get("contact-sequence").builtin
-    refused = CliRunner().invoke(command, ["--collection", "contact-sequence"])
+    refused = CliRunner().invoke(generate, ["--family", "contact-sequence"])
     assert refused.exit_code == 2
     assert "needs a FOLDER" in refused.output
 

@@ -254,7 +254,7 @@ def test_every_real_search_is_short():
 
 @pytest.mark.parametrize("kinds", [graph.EXACT, graph.ALL], ids=["exact", "all"])
 def test_the_text_has_every_edge_under_its_source(kinds):
-    text = draw("text", kinds) + "\n"
+    text = draw(kinds) + "\n"
     blocks = dict(re.findall(r"^(\w+): .*\n((?:  .*\n)*)", text, re.MULTILINE))
     assert set(blocks) == set(formulations.names())
     for node, block in blocks.items():
@@ -275,11 +275,11 @@ LECTURE = [
 
 
 def test_every_conversion_of_the_lecture_is_drawn():
-    assert set(LECTURE) <= set(re.findall(r"  -> \w+ +(\S+)", draw("text", graph.ALL)))
+    assert set(LECTURE) <= set(re.findall(r"  -> \w+ +(\S+)", draw(graph.ALL)))
 
 
 def test_mermaid_has_a_line_for_every_node_and_edge():
-    head, *lines = draw("mermaid", graph.ALL).splitlines()
+    head, *lines = draw(graph.ALL, mermaid=True).splitlines()
     assert head == "flowchart LR"
     text = r'"[^"\n]+"'
     nodes = [m[1] for line in lines if (m := re.fullmatch(rf"  node_(\w+)\[{text}\]", line))]
@@ -292,8 +292,8 @@ def test_mermaid_has_a_line_for_every_node_and_edge():
     assert drawn == {(e.name, e.source, e.target, graph.best_kind(e).exact) for e in graph.edges()}
 
 
-@pytest.mark.parametrize("form", ["text", "mermaid"])
-def test_the_command_draws(monkeypatch, capsys, form):
-    monkeypatch.setattr("sys.argv", ["cpbench", "graph", "--format", form, "--routes", "all"])
+@pytest.mark.parametrize("words", [[], ["--mermaid"]])
+def test_the_command_draws(monkeypatch, capsys, words):
+    monkeypatch.setattr("sys.argv", ["cpbench", "graph", *words])
     main()
-    assert capsys.readouterr().out == draw(form, graph.ALL) + "\n"
+    assert capsys.readouterr().out == draw(graph.ALL, mermaid=bool(words)) + "\n"

@@ -50,7 +50,7 @@ def asked(tmp_path: Path) -> Path:
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["cpbench", "import", *map(str, arguments)])
+    monkeypatch.setattr(sys, "argv", ["cpbench", "results", "import", *map(str, arguments)])
     try:
         main()
     except SystemExit as leave:
@@ -177,7 +177,9 @@ def test_a_given_ending_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) 
 def test_exported_answers_come_back(monkeypatch, tmp_path: Path, asked: Path, made: Path) -> None:
     first, second = tmp_path / "a.sqlite", tmp_path / "b.sqlite"
     assert run(monkeypatch, made, "-s", "abacus", "--problems", asked, "-o", first) == 0
-    monkeypatch.setattr(sys, "argv", ["cpbench", "export", str(first), "--answers", str(tmp_path / "all.h5")])
+    monkeypatch.setattr(
+        sys, "argv", ["cpbench", "results", "export", str(first), "--answers", str(tmp_path / "all.h5")]
+    )
     main()
     assert run(monkeypatch, tmp_path / "all.h5", "-s", "abacus", "--problems", asked, "-o", second) == 0
     a, b = rows(first), rows(second)
@@ -331,6 +333,6 @@ def test_the_built_in_problems_are_the_default(monkeypatch, capsys, tmp_path: Pa
 def test_help_says_what_a_folder_of_answers_is() -> None:
     from click.testing import CliRunner
 
-    told = CliRunner().invoke(cli, ["import", "--help"]).output
+    told = CliRunner().invoke(cli, ["results", "import", "--help"]).output
     assert "claim.json" in told
     assert "--with-imported" in told

@@ -193,7 +193,7 @@ def test_shards_give_what_one_run_gives(tmp_path: Path) -> None:
     run("run", ".", *options, "-o", "whole.sqlite")
     for part in ("1/3", "2/3", "3/3"):
         run("run", ".", *options, "--shard", part, "-o", f"part{part[0]}.sqlite")
-    told = run("merge", "part1.sqlite", "part2.sqlite", "part3.sqlite", "-o", "both.sqlite")
+    told = run("results", "merge", "part1.sqlite", "part2.sqlite", "part3.sqlite", "-o", "both.sqlite")
     assert "8 pairs of 3 files: 8 solved" in told
     whole, both = (read_results(tmp_path / f"{name}.sqlite") for name in ("whole", "both"))
     assert (whole.solve > 0).all()
@@ -209,7 +209,7 @@ def test_shards_give_what_one_run_gives(tmp_path: Path) -> None:
 def test_the_command_refuses_in_one_line(made: Make, tmp_path: Path) -> None:
     a = made("a.sqlite", [pair(0)], [pair(0)])
     b = made("b.sqlite", [pair(1)], [pair(1)], cpbench="0.2.0")
-    command = ["merge", str(a), str(b), "-o", "c.sqlite"]
+    command = ["results", "merge", str(a), str(b), "-o", "c.sqlite"]
     done = cpbench(tmp_path, *command)
     assert done.returncode == 2
     assert done.stderr.startswith("cpbench: ")

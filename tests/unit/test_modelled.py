@@ -319,7 +319,7 @@ def programs() -> dict[str, Any]:
      ("symmetric", "qp"), ("portfolio", "qp")],
 )  # fmt: skip
 def test_programs_of_cvxpy_have_its_optimum(kind: str, node: str) -> None:
-    from cpbench.api.answer_text import objective_of
+    from cpbench.api.solution import objective_of
 
     program = programs()[kind]
     model = cpbench.from_cvxpy(program)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cpbench
-from cpbench.api.answer_text import objective_of
+from cpbench.api.solution import objective_of
 from cpbench.errors import FormatError
 
 N = 3

@@ -197,7 +197,7 @@ def test_imported_unknowns_are_completed_and_the_rows_say_so(tmp_path: Path, ask
         (made / "nlp-0" / f"{part}.npy").unlink()
     np.savez(made / "avi-0.npz", z=CASES["avi-0"][1].z)
     results = tmp_path / "r.sqlite"
-    done = command(tmp_path, "import", "made", "-s", "mine", "--problems", str(asked), "-o", results.name)
+    done = command(tmp_path, "results", "import", "made", "-s", "mine", "--problems", str(asked), "-o", results.name)
     assert done.returncode == 0, done.stderr
     with Store(results) as store:
         rows = {row.problem: row for row in store.rows()}

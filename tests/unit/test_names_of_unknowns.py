@@ -11,7 +11,8 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench
-from cpbench.api.answer_text import objective_of, unknown_lines
+from cpbench.api.solution import objective_of
+from cpbench.cli.answered import unknown_lines
 
 
 def shown(problem: Any, answer: list[float]) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.plan import Limits
-from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, ProblemSet, RunPlan
+from cpbench.bench.planning.run_plan import SETTINGS, ProblemSet, RunPlan
 from cpbench.cli.run_command import SECTIONS, command
 
 NIGHT = """
@@ -47,7 +47,7 @@ def write(folder: Path, text: str, name: str = "cpbench.toml") -> Path:
 
 def made(path: Path, **given: object) -> RunPlan:
     file = plan_file.read(path)
-    return run_plan.make({k: plan_file.check(k, v) for k, v in given.items()}, file.top, file.sets)
+    return run_plan.make({k: SETTINGS[k].read(v) for k, v in given.items()}, file.top, file.sets)
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -162,29 +162,19 @@ def test_bytes_that_are_no_text_and_files_that_are_not_there(tmp_path) -> None:
             plan_file.read(path)
 
 
-def test_every_key_is_read_and_most_are_options() -> None:
-    assert set(plan_file.READERS) == {*SET_KEYS, *RUN_KEYS}
+def test_most_settings_are_options_each_in_a_section() -> None:
     options = {p.name for p in command.params}
-    assert {*SET_KEYS, *RUN_KEYS} - options == {
-        "name",
-        "facets",
-        "format",
-        "measure",
-        "repeat_below",
-        "report",
-        "threads",
-    }
+    assert SETTINGS.keys() - options == {"name", "facets", "format", "measure", "repeat_below", "report", "threads"}
     shown = {name for names in SECTIONS.values() for name in names} | {"problems"}
     assert {p.name for p in command.params} <= shown, "every option has its section in the help"
 
 
-def test_the_help_shows_the_defaults_of_the_plan() -> None:
-    """They are written twice, so that help needs no plan: here they are compared."""
-    defaults = {f.name: f.default for f in (*dataclasses.fields(RunPlan), *dataclasses.fields(ProblemSet))}
-    for name, value in command.make_context("run", []).params.items():
-        key = "format" if name == "file_format" else name
-        if key in defaults and key != "problems" and value not in (None, ()):
-            assert plan_file.check(key, value) == defaults[key], key
+def test_the_defaults_that_the_help_shows_are_those_of_the_plan() -> None:
+    """As texts they are read again to the values of the plan."""
+    shown = {key: setting for key, setting in SETTINGS.items() if setting.default_text()}
+    assert {"timeout", "memory", "tolerance", "start", "keep", "seed"} <= shown.keys()
+    for key, setting in shown.items():
+        assert setting.from_texts(setting.default_text().split(",")) == setting.default, key
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -196,5 +186,5 @@ def test_the_effective_plan_is_json_and_reads_as_it_was_written(tmp_path) -> Non
     assert first["found"] == ["aa", "bb"]
     assert first["timeout"] == "none"
     assert math.isinf(plan.sets[0].timeout)
-    again = ProblemSet(**{k: plan_file.check(k, v) for k, v in first.items() if k != "found" and v not in (None, "")})
+    again = ProblemSet(**{k: SETTINGS[k].read(v) for k, v in first.items() if k != "found" and v not in (None, "")})
     assert dataclasses.replace(again, format=None) == plan.sets[0]

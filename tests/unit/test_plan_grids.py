@@ -98,12 +98,12 @@ def test_what_is_no_duration(text: str) -> None:
 
 
 def test_conversions_of_a_route_take_knobs() -> None:
-    assert plan.pinned(["compliant[compliance=1e-2]"], {}).name == "fc-coneqp-compliant[compliance=0.01]"
-    assert plan.pinned(["inner[facets=16]"], {"facets": 8, "angle": 0.0}).via[0][1] == {"facets": 16, "angle": 0.0}
+    assert plan.pinned(["compliant[compliance=1e-2]"]).name == "fc-coneqp-compliant[compliance=0.01]"
+    assert plan.pinned(["inner[facets=16]"], 8).via[0][1] == {"facets": 16}
     for text, told in (
         ("inner[sides=3]", "unknown parameter of fc-lcp-inner 'sides'"),
         ("inner[facets=many]", "facets is 'many', expected int"),
         ("inner[facets=3", "bracket is not closed"),
     ):
         with pytest.raises(CpbenchError, match=re.escape(told)):
-            plan.pinned([text], {})
+            plan.pinned([text])

@@ -16,7 +16,7 @@ from cpbench.bench.planning import features, selection
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.planning.run_plan import ProblemSet
 from cpbench.errors import CpbenchError
-from cpbench.formulations import LCP, QP, FrictionContact, GlobalFrictionContact, Sequence
+from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, Sequence
 from cpbench.formulations.base import formulations
 from cpbench.generators.collection import builtin_folder
 
@@ -106,6 +106,7 @@ def test_facts_of_problems() -> None:
     facts = features.features(local)
     assert facts | {"nc": 2.0, "m": 6.0, "dimension": 3.0, "nnz": 6.0, "entries": 36.0, "unknowns": 6.0} == facts
     assert facts["density"] == pytest.approx(1 / 6)
+    assert facts | {"mu_min": 0.3, "mu_median": 0.4, "mu_max": 0.5} == facts
     assert "ndof" not in facts, "a local problem does not know it"
     scene = Sequence(name="pile", step=4, time=0.4, dt=0.1)
     full = GlobalFrictionContact(
@@ -113,53 +114,6 @@ def test_facts_of_problems() -> None:
     )
     facts = features.features(full)
     assert facts | {"ndof": 4.0, "nc": 1.0, "sequence": "pile", "step": 4.0} == facts
-
-
-def test_what_is_measured_of_an_operator() -> None:
-    """M = [[2, -1], [0, 0]]: singular values √5 and 0; the symmetric part has the eigenvalues 1 ± √(5/4)."""
-    facts = features.features(LCP(M=[[2.0, -1.0], [0.0, 0.0]], q=[-1.0, 1.0]))
-    expected = {
-        "asymmetry": 1.0,
-        "dominant": 1.0,
-        "negative_couplings": 1.0,
-        "zero_diagonal": 0.5,
-        "negative_diagonal": 0.0,
-        "spread": 1.0,
-        "rank": 1.0,
-        "deficiency": 1.0,
-        "condition": 1.0,
-        "driven": 0.5,
-    }
-    assert facts | expected == facts
-    assert facts["least_eigenvalue"] == pytest.approx((1 - np.sqrt(1.25)) / 2)
-    large = features.features(LCP(M=np.eye(features.DENSE + 1), q=np.ones(features.DENSE + 1)))
-    assert large["dominant"] == 1.0
-    assert not {"rank", "condition", "least_eigenvalue"} & large.keys(), "a decomposition would cost too much"
-    zero = features.features(LCP(M=np.zeros((2, 2)), q=[1.0, 1.0]))
-    assert "rank" not in zero
-    assert zero["driven"] == 0.0
-
-
-def test_what_is_measured_of_contacts_and_constraints() -> None:
-    """Two contacts whose rows have rank 2: six reaction components on two that can differ."""
-    W = np.zeros((6, 6))
-    W[np.ix_([0, 3], [0, 3])] = np.eye(2)
-    local = FrictionContact(W=W, q=[-1.0, 0, 0, 1, 0, 0], mu=[0.5, 0.0], dimension=3)
-    facts = features.features(local)
-    assert facts | {"hyperstatic": 3.0, "mu_min": 0.0, "mu_median": 0.25, "mu_max": 0.5, "frictionless": 0.5} == facts
-    assert facts["driven"] == 0.5, "the normal components of q alone"
-    full = GlobalFrictionContact(M=np.eye(4), H=np.eye(4)[:, :3], f=np.ones(4), w=np.ones(3), mu=[0.5], dimension=3)
-    assert features.features(full) | {"rank": 3.0, "hyperstatic": 1.0, "equalities": 0.0} == features.features(full)
-    program = QP.build(np.eye(2), np.ones(2), C=np.ones((1, 2)), d=np.ones(1), lb=np.array([0.0, -np.inf]))
-    assert features.features(program) | {"equalities": 1.0, "inequalities": 0.0, "bounds": 1.0} == features.features(
-        program
-    )
-
-
-def test_numbers_that_overflow_are_left_out() -> None:
-    facts = features.features(LCP(M=[[1e308, 1e308], [1e308, 1e-308]], q=[1.0, 1.0]))
-    assert all(np.isfinite(value) for value in facts.values() if isinstance(value, float))
-    assert "spread" not in facts
 
 
 @pytest.mark.nightly

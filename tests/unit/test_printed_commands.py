@@ -97,8 +97,8 @@ def test_new_ci_names_what_it_was_given(run: Run, tmp_path: Path) -> None:
     some_by_day(
         [
             (("solve", "two.h5", "-s", "bananas"), "cpbench list solvers --all"),
-            (("solve", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
-            (("run", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
+            (("solve", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench graph 'a contact.h5' --explain"),
+            (("run", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench graph 'a contact.h5' --explain"),
             (("run", "empty"), "cpbench list formats"),
         ],
         2,

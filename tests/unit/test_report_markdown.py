@@ -310,13 +310,13 @@ def test_commands_name_the_route() -> None:
         solve_command(warm) == "cpbench run s.h5 --plan none -o again.sqlite -s nsgs --tolerance 1e-08 --start previous"
     )
     assert command("lemke@outer8-mlcp", "outer8-mlcp") == (
-        "cpbench solve p.h5 -s lemke --via fc-mlcp-outer --facets 8 --tolerance 1e-08"
+        "cpbench solve p.h5 -s lemke --via 'fc-mlcp-outer[facets=8]' --tolerance 1e-08"
     )
     assert command("admm-coneqp@fc-coneqp-compliant[compliance=0.001]", "fc-coneqp-compliant[compliance=0.001]") == (
         "cpbench solve p.h5 -s admm-coneqp --via 'fc-coneqp-compliant[compliance=0.001]' --tolerance 1e-08"
     )
     assert command("lemke@fc-lcp-inner[facets=16]", "fc-lcp-inner[facets=16]") == (
-        "cpbench solve p.h5 -s lemke --via fc-lcp-inner --facets 16 --tolerance 1e-08"
+        "cpbench solve p.h5 -s lemke --via 'fc-lcp-inner[facets=16]' --tolerance 1e-08"
     )
     assert command("lemke@gfc-fc+fc-lcp-inner", "gfc-fc+fc-lcp-inner") == (
         "cpbench solve p.h5 -s lemke --via gfc-fc --via fc-lcp-inner --tolerance 1e-08"

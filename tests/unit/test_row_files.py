@@ -144,12 +144,12 @@ def test_a_report_without_csv_does_not_speak_of_it(tmp_path: Path, monkeypatch: 
 
 def test_export_has_the_digits_too(tmp_path: Path) -> None:
     path = results_file(tmp_path / "r.sqlite", small())
-    done = CliRunner().invoke(cli, ["export", str(path), "--rows", str(tmp_path / "r.json")])
+    done = CliRunner().invoke(cli, ["results", "export", str(path), "--rows", str(tmp_path / "r.json")])
     assert done.exit_code == 0, done.output
     errors = {r["status"]: r["error"] for r in json.loads((tmp_path / "r.json").read_text())}
     assert errors["solved"] == 1.2345678901234567e-13
     assert errors["timeout"] in (None, "inf")
-    assert CliRunner().invoke(cli, ["export", str(path), "--rows", str(tmp_path / "r.json")]).exit_code != 0
+    assert CliRunner().invoke(cli, ["results", "export", str(path), "--rows", str(tmp_path / "r.json")]).exit_code != 0
 
 
 def test_columns_of_an_export_are_sorted_and_say_the_decade_of_the_error(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_columns_of_an_export_are_sorted_and_say_the_decade_of_the_error(tmp_pat
         row("a", "psor", "timeout", error=INF),
     )
     path = results_file(tmp_path / "r.sqlite", rows)
-    words = ["export", str(path), "--columns", "problem,solver,status,decade"]
+    words = ["results", "export", str(path), "--columns", "problem,solver,status,decade"]
     expected = (
         "problem,solver,status,decade\na,lemke,failed,\na,pgs,wrong,1e-02\na,psor,timeout,inf\nb,lemke,solved,<=1e-06\n"
     )
@@ -169,7 +169,7 @@ def test_columns_of_an_export_are_sorted_and_say_the_decade_of_the_error(tmp_pat
     assert done.output == expected
     assert CliRunner().invoke(cli, [*words, "--rows", str(tmp_path / "kept.csv")]).exit_code == 0
     assert (tmp_path / "kept.csv").read_text() == expected
-    unknown = CliRunner().invoke(cli, ["export", str(path), "--columns", "statsu"])
+    unknown = CliRunner().invoke(cli, ["results", "export", str(path), "--columns", "statsu"])
     assert unknown.exit_code != 0
     assert "unknown column of the rows 'statsu'" in str(unknown.exception)
 

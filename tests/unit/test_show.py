@@ -138,7 +138,7 @@ def test_every_law_is_declared() -> None:
 def test_facets_say_the_angle_to_expect(tmp_path: Path, facets: int) -> None:
     path = tmp_path / "contact.h5"
     storage.save(contact(2), path)
-    said = run("show", path, "--via", "fc-lcp-inner", "--facets", facets)
+    said = run("show", path, "--via", f"fc-lcp-inner[facets={facets}]")
     assert said.startswith("lcp: ")
     assert "(47)-(48), approximate, from fc" in said
     assert f"180°/{facets} = {180 / facets:.4g}°" in said

@@ -14,10 +14,10 @@ from tiers import some_by_day
 import cpbench
 from cpbench import storage
 from cpbench.analysis.contact_table import contact_table
-from cpbench.api.answer_text import WORDS, status_text
-from cpbench.api.solve_alone import own
 from cpbench.bench.planning import grids
 from cpbench.bench.planning.nearest import all_automatic, nearest_automatic
+from cpbench.cli.answered import WORDS, status_text
+from cpbench.cli.solve_process import own
 from cpbench.errors import CpbenchError, NoRoute, UnknownName
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact
 from cpbench.verification import Status

@@ -162,7 +162,6 @@ def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path:
             (["run"], True),
             (["run", "p.h5", "--cluster=local"], False),
             (["run", "--plan", "mine.toml"], False),
-            (["run", "p.h5", "--plugin", "mine.py"], False),
             (["run", "--help"], False),
             (["solve", "p.h5"], False),
             (["info", "p.h5"], False),

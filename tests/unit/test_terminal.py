@@ -55,8 +55,8 @@ def contact(path: Path, W: np.ndarray | None = None, mu: float = 0.5) -> Path:
         ("list formulations", r"afc +anisotropic"),
         ("list formats", r"\S+ +\."),
         ("graph", r"\d+ formulations, \d+ conversions"),
-        ("route c.h5 --explain", r"c\.h5 \(fc: m = 3"),
-        ("route c.h5 --to lcp --all --explain", r"c\.h5 \(fc: m = 3"),
+        ("graph c.h5 --explain", r"c\.h5 \(fc: m = 3"),
+        ("graph c.h5 --to lcp --all --explain", r"c\.h5 \(fc: m = 3"),
         ("info .", r"4 problems: 3 fc, 1 lcp$"),
     ],
 )
@@ -83,7 +83,10 @@ def test_a_row_stays_a_line_in_a_pipe(run: Run, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_formulation_is_a_name_for_its_solvers(run: Run) -> None:
-    assert run("list", "solvers", "lcp") == run("list", "solvers", "--node", "lcp")
+    told = run("list", "solvers", "lcp")[1].splitlines()
+    rows = [line.split() for line in told if "  lcp  " in line]
+    assert {row[1] for row in rows} == {"lcp"}
+    assert any(row[0] == "lemke" for row in rows)
     assert "lcp" not in solvers.names()
 
 

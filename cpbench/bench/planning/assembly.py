@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cpbench.bench import readers
@@ -20,16 +20,26 @@ from cpbench.solvers.base import missing, solvers
 
 Reading = Callable[[Sequence[str]], Iterable[str]]
 """Shows the progress of reading files."""
+Place = tuple[str, str | None]
+"""The address of a problem, and the format of its file where that was said."""
 
 
 @dataclass(frozen=True)
 class PlannedSet:
-    """A set of the plan with its problems (addresses by fingerprint), its solvers and its pairs."""
+    """A set of the plan with its solvers, its problems (addresses by fingerprint) and its pairs.
+
+    `named` : the solvers that were asked for by name. `absent` : how to install those of the others that are missing.
+    `places`, `requests` : addresses to read, and the routes that are asked for from each.
+    """
 
     asked: ProblemSet
-    problems: Mapping[str, str]
-    entries: Sequence[Entry]
-    pairs: Sequence[Pair]
+    entries: Sequence[Entry] = ()
+    named: Collection[str] = ()
+    absent: Mapping[str, str] = field(default_factory=dict)
+    places: Sequence[str] = ()
+    requests: Sequence[Request] = ()
+    problems: Mapping[str, str] = field(default_factory=dict)
+    pairs: Sequence[Pair] = ()
 
 
 @dataclass(frozen=True)
@@ -80,7 +90,7 @@ class Assembly:
             raise CpbenchError(f"none of {len(self.surveys)} problems is what the plan selects")
         raise NoRoute(
             f"no route leads from {first} to any of the solvers asked for; "
-            f"see: cpbench route {shlex.quote(first)} --explain"
+            f"see: cpbench graph {shlex.quote(first)} --explain"
         )
 
 
@@ -89,85 +99,82 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
 
     Raises CpbenchError when the sets contradict each other, or name something that does not exist.
     """
-    named = [grids.named(part.solvers) if part.chosen else set[str]() for part in asked.sets]
-    every = [_entries(part) for part in asked.sets]
-    entries = [
-        [e for e in all_ if e.solver in named_here or not _missing(e)]
-        for all_, named_here in zip(every, named, strict=True)
-    ]
-    requests = [_requests(part) for part in asked.sets]
-    places = [selection.addresses(part.problems, builtin) for part in asked.sets]
-    wanted: dict[tuple[str, str | None], dict[str, Request]] = {}
-    for part, asks, addresses in zip(asked.sets, requests, places, strict=True):
-        for address in addresses:
-            wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
-    alone = {entry.solver for kept in entries for entry in kept}
+    begun = [_begun(part, builtin) for part in asked.sets]
+    wanted: dict[Place, dict[str, Request]] = {}
+    for part in begun:
+        for address in part.places:
+            place = address, part.asked.format
+            wanted.setdefault(place, {}).update({request.name: request for request in part.requests})
+    alone = {entry.solver for part in begun for entry in part.entries}
     if len(alone) == 1 and not asked.cluster:  # else the first one depends on the problems
         slot.workers.begin(alone.pop(), asked.memory)
     guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
-    surveys, refused, unread = _survey(slot, wanted, max(part.timeout for part in asked.sets), reading, guesses)
-    parts: list[PlannedSet] = []
+    surveys: dict[Place, Surveyed] = {}
+    refused: list[tuple[str, CpbenchError]] = []
+    longest = max(part.timeout for part in asked.sets)
+    with closing(readers.surveys(slot, wanted, longest, guesses=guesses)) as answers:
+        for place, answer, _ in zip(wanted, answers, reading([address for address, _ in wanted]), strict=True):
+            if isinstance(answer, CpbenchError):
+                refused.append((place[0], answer))
+            else:
+                surveys[place] = answer
+    parts = [_with_pairs(part, surveys, asked.threads) for part in begun]
     planned: dict[str, Pair] = {}
-    for part, solvers_, named_here, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
-        here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
-        chosen = selection.select(part, here) if here else []
-        pairs = _pairs(part, chosen, solvers_, named_here, asks, asked.threads)
-        for pair in pairs:
-            _require_same(planned.setdefault(pair.key, pair), pair)
-        parts.append(PlannedSet(part, {s.fingerprint: s.address for s in reversed(chosen)}, solvers_, pairs))
+    for pair in (pair for part in parts for pair in part.pairs):
+        _require_same(planned.setdefault(pair.key, pair), pair)
     return Assembly(
         parts,
         selection.shard(planned.values(), *asked.shard),
         dict(surveys.keys()),
-        refused,
-        unread,
+        [(address, str(reason)) for address, reason in refused],
+        [address for address, reason in refused if isinstance(reason, Unread)],
         _twins(surveys.values()),
         list(surveys.values()),
-        {e.solver: _missing(e) for all_, kept in zip(every, entries, strict=True) for e in all_ if e not in kept},
+        {name: how for part in parts for name, how in part.absent.items()},
     )
 
 
-def _entries(part: ProblemSet) -> list[Entry]:
-    return grids.entries(part.solvers) or grids.by_default()
-
-
-def _missing(entry: Entry) -> str:
-    return missing(solvers.get(entry.solver).spec)
+def _begun(part: ProblemSet, builtin: Callable[[], Path]) -> PlannedSet:
+    """Return a set with its solvers and the addresses of its problems."""
+    named = grids.named(part.solvers) if part.chosen else set[str]()
+    entries = grids.entries(part.solvers) or grids.by_default()
+    lacking = {entry.solver: missing(solvers.get(entry.solver).spec) for entry in entries}
+    absent = {name: how for name, how in lacking.items() if how and name not in named}
+    kept = [entry for entry in entries if entry.solver not in absent]
+    return PlannedSet(part, kept, named, absent, selection.addresses(part.problems, builtin), _requests(part))
 
 
 def _requests(part: ProblemSet) -> list[Request]:
     if part.via:
-        found = (plan.pinned(part.via, {"facets": facets}) for facets in part.facets)
+        found = (plan.pinned(part.via, facets) for facets in part.facets)
         return list({request.name: request for request in found}.values())
     return plan.requests(part.allowed_routes, part.facets)
 
 
-def _pairs(
-    part: ProblemSet,
-    chosen: Sequence[Surveyed],
-    entries: Sequence[Entry],
-    named: Collection[str],
-    requests: Sequence[Request],
-    threads: int,
-) -> list[Pair]:
-    return [
+def _with_pairs(part: PlannedSet, surveys: Mapping[Place, Surveyed], threads: int) -> PlannedSet:
+    """Return a set with the problems that it selects and its pairs."""
+    asked = part.asked
+    here = [surveys[address, asked.format] for address in part.places if (address, asked.format) in surveys]
+    chosen = selection.select(asked, here) if here else []
+    pairs = [
         pair
-        for tolerance in part.tolerance
-        for start, surveys in _started(part, chosen).items()
+        for tolerance in asked.tolerance
+        for start, started in _started(asked, chosen).items()
         for pair in plan.pairs(
-            surveys,
-            entries,
-            requests,
+            started,
+            part.entries,
+            part.requests,
             tolerance,
-            part.limits(threads),
-            relaxations=part.allowed_routes == "all",
-            detours=part.chosen or bool(part.via),
+            asked.limits(threads),
+            relaxations=asked.allowed_routes == "all",
+            detours=asked.chosen or bool(asked.via),
             start=start,
-            set=part.name,
-            measure=part.measure,
-            named=named,
+            set=asked.name,
+            measure=asked.measure,
+            named=part.named,
         )
     ]
+    return replace(part, problems={one.fingerprint: one.address for one in reversed(chosen)}, pairs=pairs)
 
 
 def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Surveyed]]:
@@ -178,31 +185,6 @@ def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Sur
             for start in each_start(asked, survey.guesses):
                 result.setdefault(start, []).append(survey)
     return result
-
-
-def _survey(
-    slot: Slot,
-    wanted: Mapping[tuple[str, str | None], Mapping[str, Request]],
-    timeout: float,
-    reading: Reading,
-    guesses: bool,
-) -> tuple[dict[tuple[str, str | None], Surveyed], list[tuple[str, str]], list[str]]:
-    surveys: dict[tuple[str, str | None], Surveyed] = {}
-    refused: list[tuple[str, str]] = []
-    unread: list[str] = []
-    asked = [
-        readers.ReadRequest(address, list(requests.values()), format) for (address, format), requests in wanted.items()
-    ]
-    with closing(readers.surveys(slot, asked, timeout, guesses=guesses)) as answers:
-        read = zip(asked, answers, strict=True)
-        for address, (problem, answer) in zip(reading([one.address for one in asked]), read, strict=True):
-            if not isinstance(answer, CpbenchError):
-                surveys[address, problem.format] = answer
-                continue
-            refused.append((address, str(answer)))
-            if isinstance(answer, Unread):
-                unread.append(address)
-    return surveys, refused, unread
 
 
 def _twins(surveys: Iterable[Surveyed]) -> list[tuple[str, str]]:

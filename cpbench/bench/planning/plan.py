@@ -158,10 +158,10 @@ def facets(how: str, count: int) -> list[Request]:
     ]
 
 
-def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
-    """Return a request through the named conversions, with their knobs where they have them.
+def pinned(via: Iterable[str], facets: int | None = None) -> Request:
+    """Return a request through the named conversions; a text may set their knobs: ``compliant[compliance=1e-3]``.
 
-    A text may set its own knobs: ``compliant[compliance=1e-3]``. Raises CpbenchError, UnknownName.
+    facets : of those that have facets and whose text sets none. Raises CpbenchError, UnknownName.
     """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:
@@ -170,7 +170,7 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
         if len(names) > 1:
             raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
         known = make(names[0]).parameters
-        common = {k: v for k, v in parameters.items() if k in known}
+        common = {"facets": facets} if facets is not None and "facets" in known else {}
         steps.append((names[0], {**common, **_knobs(names[0], known, knobs, text)}))
     name = "+".join(make(n, dict(p)).label for n, p in steps)
     return Request(name, EXACT_KINDS, tuple(steps))

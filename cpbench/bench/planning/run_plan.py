@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.planning import suites
+from cpbench.bench.planning import settings, suites
 from cpbench.bench.planning.places import BUILTIN
 from cpbench.bench.planning.plan import Limits
+from cpbench.bench.planning.settings import choice, setting
+from cpbench.bench.results.store import KEEP
 from cpbench.errors import CpbenchError
-
-"""The name of the folder of built-in problems among the problems of a set."""
 
 
 @dataclass(frozen=True)
@@ -26,37 +26,36 @@ class ProblemSet:
 
     Attributes
     ----------
-    name : marks its rows. problems : files, folders, packs, globs, or `builtin`. solvers : names, globs and grids,
-    or `all`; none for those of `SolverSpec.by_default`. routes : exact, facets or all; empty for exact, and facets
-    where all problems are built in.
-    facets, via : facet counts, pinned conversions. tolerance : one pair each.
+    name : marks its rows. problems : files, folders, packs, globs, or `builtin`. suite : the suite that its problems,
+    and the other values not given, are of; empty where problems were named. where : the selection. format : of the
+    files. solvers : names, globs and grids, or `all`; none for those of `SolverSpec.by_default`. routes : exact, facets
+    or all; empty for exact, and facets where all problems are built in. facets, via : facet counts, pinned conversions.
+    start : start policies, one pair each. tolerance : one pair each. measure : the number that decides, None: all.
     timeout [s], memory [bytes], repeats (of solves that take less than `repeat_below` [s]), history : limits of a
-    solve. measure : the number that decides, None: all. start : start policies, one pair each. format : of the files.
-    where : the selection.
-    suite : the suite that its problems, and the other values not given, are of; empty where problems were named.
-    chosen : whether somebody named the solvers, which a suite does not.
+    solve.
     """
 
-    name: str = ""
-    problems: tuple[str, ...] = (BUILTIN,)
-    solvers: tuple[str, ...] = ()
-    routes: str = ""
-    facets: tuple[int, ...] = (8, 16)
-    via: tuple[str, ...] = ()
-    tolerance: tuple[float, ...] = (1e-6,)
-    timeout: float = Limits.seconds
-    memory: int = Limits.memory
-    repeats: int = Limits.repeats
-    repeat_below: float = Limits.repeat_below
-    history: bool = Limits.history
-    measure: str | None = None
-    start: tuple[str, ...] = ("cold",)
-    format: str | None = None
-    where: str = ""
-    suite: str = ""
+    name: str = setting("", settings.text)
+    problems: tuple[str, ...] = setting((BUILTIN,), settings.some_texts)
+    suite: str = choice("", *suites.SUITES)
+    where: str = setting("", settings.condition, "CONDITION")
+    format: str | None = setting(None, settings.file_format)
+    solvers: tuple[str, ...] = setting((), settings.solvers, "NAME[opt=value]")
+    routes: str = choice("", "exact", "facets", "all")
+    facets: tuple[int, ...] = setting((8, 16), settings.facets, settings.NUMBERS)
+    via: tuple[str, ...] = setting((), settings.via, "CONVERSION")
+    start: tuple[str, ...] = setting(("cold",), settings.starts, "POLICY")
+    tolerance: tuple[float, ...] = setting((1e-6,), settings.tolerances, settings.NUMBERS)
+    measure: str | None = setting(None, settings.text)
+    timeout: float = setting(Limits.seconds, settings.seconds, settings.DURATION)
+    memory: int = setting(Limits.memory, settings.size, settings.SIZE)
+    repeats: int = setting(Limits.repeats, settings.whole(1), settings.COUNT)
+    repeat_below: float = setting(Limits.repeat_below, settings.seconds)
+    history: bool = setting(Limits.history, settings.flag)
 
     @property
     def chosen(self) -> bool:
+        """Whether somebody named the solvers, which a suite does not."""
         return bool(self.solvers) and not (self.suite and self.solvers == suites.quick_solvers())
 
     @property
@@ -77,25 +76,25 @@ class RunPlan:
 
     Attributes
     ----------
-    sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
-    None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
-    jobs : number of solves at a time. cluster : other machines. shard : (i, n), the
-    i-th of n parts of all blocks. rerun : what is run again of an old file (empty: nothing). retry : times a pair that
-    crashed or ran out of time is run again. fail_on : statuses that make the command end with 1, or `contradiction`.
+    sets : the parts. shard : (i, n), the i-th of n parts of all blocks. seed : of the random order. threads : of every
+    library. jobs : number of solves at a time. cluster : other machines. output : results file. report : folder of the
+    report, empty for one named after the results, None for no report. rerun : what is run again of an old file (empty:
+    nothing). retry : times a pair that crashed or ran out of time is run again. keep : answers to keep. fail_on :
+    statuses that make the command end with 1, or `contradiction`.
     """
 
     sets: tuple[ProblemSet, ...] = (ProblemSet(),)
-    output: str = ""
-    report: str | None = ""
-    keep: str = "all"
-    seed: int = 0
-    threads: int = 1
-    jobs: int = 1
-    cluster: str | None = None
-    shard: tuple[int, int] = (1, 1)
-    rerun: str = ""
-    retry: int = 0
-    fail_on: tuple[str, ...] = ()
+    shard: tuple[int, int] = setting((1, 1), settings.shard, "I/N")
+    seed: int = setting(0, settings.whole(0), settings.COUNT)
+    threads: int = setting(1, settings.whole(1), settings.COUNT)
+    jobs: int = setting(1, settings.whole(1), settings.COUNT)
+    cluster: str | None = setting(None, settings.text, "ADDRESS|KIND|FILE")
+    output: str = setting("", settings.text, "FILE")
+    report: str | None = setting("", settings.report)
+    rerun: str = choice("", "failed", "timeouts", "all")
+    retry: int = setting(0, settings.whole(0), settings.COUNT)
+    keep: str = choice("all", *KEEP)
+    fail_on: tuple[str, ...] = setting((), settings.failures, "NAMES")
 
     @property
     def builtin(self) -> bool:
@@ -139,8 +138,9 @@ class RunPlan:
         return plan
 
 
-SET_KEYS = tuple(f.name for f in fields(ProblemSet))
-RUN_KEYS = tuple(f.name for f in fields(RunPlan) if f.name != "sets")
+SET_SETTINGS, RUN_SETTINGS = settings.settings_of(ProblemSet), settings.settings_of(RunPlan)
+SETTINGS = {**SET_SETTINGS, **RUN_SETTINGS}
+"""All settings by their keys in a plan file."""
 
 
 def make(
@@ -155,10 +155,10 @@ def make(
     suite by its name, for sets that name no problem; all built-in problems without it. Raises CpbenchError where
     problems and a suite are named.
     """
-    common = {key: value for key, value in top.items() if key in SET_KEYS}
-    mine = {key: value for key, value in given.items() if key in SET_KEYS}
+    common = {key: value for key, value in top.items() if key in SET_SETTINGS}
+    mine = {key: value for key, value in given.items() if key in SET_SETTINGS}
     parts = tuple(_part({**common, **table, **mine}, suite) for table in (sets or [{}]))
-    whole = {key: value for key, value in {**top, **given}.items() if key in RUN_KEYS}
+    whole = {key: value for key, value in {**top, **given}.items() if key in RUN_SETTINGS}
     return RunPlan(sets=parts, **whole)
 
 

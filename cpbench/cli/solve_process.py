@@ -1,4 +1,5 @@
-"""Solving one problem of a file by a solver of cpbench, as `cpbench.solve` does, in a process of its own with limits.
+"""The solve of one problem of a file: by a solver of cpbench as `cpbench.solve` does, in a process of its own with
+limits; by a solver of others in processes of their own, as a run does.
 
 What a solve loads or compiles is off the clock, and counts as no memory of it.
 """
@@ -6,6 +7,7 @@ What a solve loads or compiles is off the clock, and counts as no memory of it.
 from __future__ import annotations
 
 import json
+import shlex
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,23 +15,22 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import graph, storage
-from cpbench.api.answered import Answered
 from cpbench.api.solution import Solution
-from cpbench.api.solving import JUDGE, Way, solve_there, way_to
-from cpbench.api.takers import advised
+from cpbench.api.solving import JUDGE, Way, advised, solve_there, way_to
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.nearest import AUTO
 from cpbench.bench.planning.places import located
 from cpbench.bench.processes.alone import FIRST, OFF, SOLVE, Stopped, Work, run_alone
-from cpbench.bench.results.rows import Outcome
+from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP
+from cpbench.cli.answered import Answered
 from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation import brackets, kernel_cache
 from cpbench.foundation.extensions import hook
-from cpbench.generators.collection import builtin_folder
+from cpbench.generators.collection import address_text, builtin_folder
 from cpbench.solvers import clock, warming
 from cpbench.solvers.base import Trait, solvers
 from cpbench.storage.base import require_new
@@ -43,7 +44,7 @@ class SolveRequest:
     Attributes
     ----------
     address : of the problem. solver : a name with options, or AUTO. every : whether all solutions are asked for.
-    via, facets : conversions to go through. routes : exact, or all. start : where the solver begins.
+    via : conversions to go through. routes : exact, or all. start : where the solver begins.
     tolerance : the largest error of an answer that counts as solved. limits : of the solve.
     output, force : the file for the answer, and whether it may be there. verbose : whether all lines are shown.
     """
@@ -52,7 +53,6 @@ class SolveRequest:
     solver: str
     every: bool
     via: tuple[str, ...]
-    facets: int
     routes: str
     start: str
     tolerance: float
@@ -174,7 +174,7 @@ def _way(problem: Problem, asked: SolveRequest) -> Way:
     is asked for."""
     via: tuple[Conversion, ...] = ()
     if asked.via:
-        via = plan.parse_request(plan.pinned(asked.via, {"facets": asked.facets}))[1]
+        via = plan.parse_request(plan.pinned(asked.via))[1]
     try:
         return way_to(problem, asked.solver, via)
     except NoRoute:
@@ -208,3 +208,48 @@ def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answe
     )
     asked = address, problem.name, problem.node, solution.solver, solution.tolerance
     return Answered(*asked, outcome, problem, solution.point)
+
+
+def solve_apart(asked: SolveRequest, on_compiling: Callable[[str], None]) -> dict[str, Any]:
+    """Solve as asked by one solver of others, in processes that are stopped at the limits; return what `reply` does.
+
+    Raises NoRoute where no route leads to the solver, UnknownName, CpbenchError on a start that needs several solves.
+    """
+    from cpbench.bench.events import Compiling
+    from cpbench.bench.slot import Slot
+    from cpbench.bench.worker_pool import Setting
+
+    if asked.output is not None:
+        require_new(asked.output, asked.force)
+    address, limits, entry = located(asked.address, builtin_folder), asked.limits, plan.parse_entry(asked.solver)
+    policy = starts.one_start(asked.start)
+    if asked.via:
+        requests = [plan.pinned(asked.via)]
+    else:
+        requests = [plan.exact(), *(plan.requests("all", ())[1:] if asked.routes == "all" else [])]
+    node = solvers.get(entry.solver).spec.node  # no other one is looked for
+    requests = [replace(request, nodes=(node,)) for request in requests if node in (request.nodes or (node,))]
+    with Slot(Setting(limits.threads, limits.memory)) as slot:
+        slot.workers.begin(entry.solver, limits.memory)
+        survey = slot.survey(address, requests, asked.format, limits.seconds)
+        relaxed = asked.routes == "all" or not asked.via
+        pairs = plan.pairs([survey], [entry], requests, asked.tolerance, limits, relaxations=relaxed, start=str(policy))
+        if not pairs:
+            raise NoRoute(
+                f"no {asked.routes} route from {survey.node} to {asked.solver}; see: cpbench graph "
+                f"{shlex.quote(address)} --explain"
+            )
+        pair, prepared = pairs[0], slot.prepare(pairs[0])
+
+        def on_event(event: Any) -> None:
+            if isinstance(event, Compiling):
+                on_compiling(event.solver)
+
+        slot.start([pair.entry.solver], limits, on_event)
+        outcome = slot.run(pair, prepared)
+    answered = Answered(address_text(address), pair.problem, pair.node, pair.label, pair.tolerance, outcome)
+    if outcome.answer is not None:
+        problem = storage.load(address, format=pair.format)
+        point = problem.point_from_vector(unpack_answer(outcome.answer))
+        answered = replace(answered, problem=problem, point=point)
+    return reply(asked, answered)
