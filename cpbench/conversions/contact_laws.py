@@ -242,7 +242,7 @@ class Frozen(Conversion):
 
     slip: tuple[float, ...] = ()
 
-    def obstacle(self, problem: ContactProblem) -> str | None:
+    def obstacle(self, problem: Any) -> str | None:
         return wrong_count("slip", self.slip, problem)
 
     def shifted(self, velocity: Vector, problem: ContactProblem) -> Vector:

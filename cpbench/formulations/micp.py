@@ -11,7 +11,6 @@ import numpy as np
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
 from cpbench.formulations.box import check_bounds
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.models import complementarity_of
 from cpbench.formulations.nonlinear import NonlinearProblem
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Vector, norm
@@ -57,14 +56,6 @@ class MiCP(NonlinearProblem):
         lb = np.full(F.inputs, -np.inf)
         lb[list(complementary)] = 0.0
         return cls(F=F, lb=lb, ub=np.full(F.inputs, np.inf), **others)
-
-    @classmethod
-    def from_mof(cls, text: str | bytes, **others: Any) -> MiCP:
-        """Read a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z between bounds.
-
-        Raises FormatError, ProblemError.
-        """
-        return cls(**{**complementarity_of(text), **others})
 
     def check(self) -> None:
         check_bounds(self.node, self.lb, self.ub)

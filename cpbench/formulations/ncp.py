@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.models import complementarity_of
 from cpbench.formulations.nonlinear import NonlinearProblem
 from cpbench.foundation.matrices import Vector, max_abs
 
@@ -37,20 +35,6 @@ class NCP(NonlinearProblem):
 
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)
-
-    @classmethod
-    def from_mof(cls, text: str | bytes, **others: Any) -> NCP:
-        """Read a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z ≥ 0.
-
-        Raises FormatError, ProblemError.
-        """
-        parts = complementarity_of(text)
-        bounded = (parts["lb"] != 0) | (parts["ub"] != np.inf)
-        if bounded.any():
-            k = int(np.flatnonzero(bounded)[0])
-            lb, ub = parts["lb"][k], parts["ub"][k]
-            raise ProblemError("ncp.z", f"has [{lb:g}, {ub:g}] for bounds at {k}, expected [0, inf]; MiCP takes others")
-        return cls(F=parts["F"], **{"start": parts["start"], **others})
 
     @property
     def point_sizes(self) -> dict[str, int]:

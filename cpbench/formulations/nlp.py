@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +15,6 @@ from cpbench.formulations.base import Point, Problem, Residuals, formulations, m
 from cpbench.formulations.box import check_bounds
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.derivatives import has_constant_curvature
-from cpbench.formulations.models import program_of
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
@@ -77,11 +76,6 @@ class NLP(Problem):
 
     convex: bool = False
     """Whether its author says that f is convex, g concave and h affine; `convexity` has what can be checked of it."""
-
-    @classmethod
-    def from_mof(cls, text: str | bytes, **others: Any) -> NLP:
-        """Read a model in MathOptFormat, a JSON text. Raises FormatError, ProblemError."""
-        return cls(**{**program_of(text), **others})
 
     def check(self) -> None:
         check_bounds(self.node, self.lb, self.ub)

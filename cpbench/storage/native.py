@@ -4,7 +4,10 @@
                                  fingerprint: that of the problem, with which a reader compares what it has read
     <problem>/cpbench/<M>        sparse: a group as in FCLIB; dense: a 2-D float64 data set
     <problem>/cpbench/vectors/*  float64 data sets
-    <problem>/cpbench/mof        nonlinear maps: a string, MathOptFormat 1.9, each map a constraint of its name in Reals
+    <problem>/cpbench/maps/<F>   a nonlinear map with rows: a list of operations on numbered values. Values are the
+                                 unknowns (attribute inputs: how many), the data set constants, then one for each row
+                                 of operations: operator, left and right argument (−1 where there is no right one).
+                                 outputs: the values of the rows. parameters: a JSON object, name -> place in constants
 
 Contact problems that FCLIB has (fc, fcm, gfc, grfc) keep its own group beside `cpbench`, which then holds the name,
 the geometry and which matrices were dense. A new node needs no code here: its fields are read from its class.
@@ -17,10 +20,11 @@ import json
 from typing import Any, cast
 
 import h5py
+import numpy as np
 
-from cpbench.errors import FormatError, UnknownName
+from cpbench.errors import ProblemError, UnknownName
 from cpbench.formulations.base import Info, Problem, counted, formulations
-from cpbench.formulations.expressions import Map, from_mof, mof_json, to_mof
+from cpbench.formulations.expressions import Map
 from cpbench.foundation import matrices
 from cpbench.storage import fclib
 from cpbench.storage.annotations import (
@@ -57,7 +61,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
             put_attribute(own, "dense", " ".join(dense))
     else:
         _write_data(own, problem, compress=compress)
-        _write_maps(own, problem)
+        _write_maps(own, problem, compress=compress)
     write_place(own, problem, compress=compress)
     write_info(parent, problem.info, texts=not contact)
     write_provenance(parent, problem.provenance, compress=compress)
@@ -88,7 +92,7 @@ def _read(parent: Tree, own: Tree, attributes: dict[str, Any], name: str) -> Pro
     parts: dict[str, Any] = {}
     sizes: dict[str, int] = {}
     declared = [(f.name, f.metadata["shape"]) for f in cls._data_fields()]
-    own.require_known({"vectors", "mof", *_PLACE, *(name for name, shape in declared if len(shape) == 2)})
+    own.require_known({"vectors", "maps", *_PLACE, *(name for name, shape in declared if len(shape) == 2)})
     vectors.require_known({name for name, shape in declared if len(shape) == 1})
     for field, shape in declared:
         if len(shape) == 1:
@@ -139,30 +143,58 @@ def _write_data(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
         put_attribute(own, "fields", json.dumps(scalars))
 
 
-def _write_maps(own: h5py.Group, problem: Problem) -> None:
-    maps = problem.maps()
-    if not maps:
-        return
-    inputs = max(F.inputs for F in maps.values())
-    n = min((F.inputs for F in maps.values()), default=0)  # a map of 2n numbers takes (y, z)
-    names = [f"y[{k}]" for k in range(1, inputs - n + 1)] + [f"z[{k}]" for k in range(1, n + 1)]
-    text = json.dumps(to_mof.model(maps, names), separators=(",", ":"), allow_nan=False)
-    if mof_json.memory(text.encode()) > mof_json.LARGEST:
-        operations = sum(F.operations for F in maps.values())
-        raise FormatError(problem.name or problem.node, "", f"has {operations} operations, more than can be read again")
-    put_text(own, "mof", text)
+def _write_maps(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    for name, F in problem.maps().items():
+        if not F.rows:
+            continue
+        group = own.create_group(f"maps/{name}")
+        put_attribute(group, "inputs", F.inputs)
+        operations = np.column_stack([F.heads, F.left, F.right])
+        parts = {"constants": F.constants, "operations": operations.astype(np.int32), "outputs": F.outputs}
+        for part, array in parts.items():
+            put_array(group, part, array, compress=compress)
+        if F.named:
+            put_text(group, "parameters", json.dumps(dict(F.named)))
 
 
 def _read_maps(own: Tree, cls: type[Problem], sizes: dict[str, int]) -> dict[str, Map]:
     declared = {f.name: f.metadata["map"][1] for f in dataclasses.fields(cls) if "map" in f.metadata}
     if not declared:
         return {}
-    inputs = {
-        name: counted(symbol, sizes) if symbol.lstrip("0123456789") in sizes else None
-        for name, symbol in declared.items()
+    maps: dict[str, Map] = {}
+    if "maps" in own:
+        stored = own.child("maps")
+        stored.require_known(declared)
+        maps = {name: _map(stored.child(name)) for name in stored.names()}
+    return {
+        name: maps[name] if name in maps else Map.empty(counted(symbol, sizes)) for name, symbol in declared.items()
     }
-    maps = from_mof.maps(own.text("mof").encode(), f"{own.path}: {own.where}/mof", inputs)
-    return {name: maps.get(name, Map.empty(size or 0)) for name, size in inputs.items()}
+
+
+def _map(stored: Tree) -> Map:
+    stored.require_known({"constants", "operations", "outputs", "parameters"})
+    inputs = stored.attributes().get("inputs")
+    if not isinstance(inputs, np.integer):
+        raise stored.error("@inputs", "is missing, expected the number of unknowns")
+    operations = stored.array("operations", np.int64, ndim=2)
+    if operations.shape[1] != 3:
+        raise stored.error("operations", f"has {operations.shape[1]} columns, expected operator, left, right")
+    heads, left, right = operations.T
+    constants, outputs = stored.array("constants"), stored.array("outputs", np.int64)
+    try:
+        return Map(int(inputs), constants, heads, left, right, outputs, _parameters(stored))
+    except ProblemError as cause:
+        raise stored.error("", str(cause)) from None
+
+
+def _parameters(stored: Tree) -> dict[str, int]:
+    try:
+        places = json.loads(stored.text("parameters") or "{}")
+    except ValueError as cause:
+        raise stored.error("parameters", f"is not a JSON object ({cause})") from None
+    if not isinstance(places, dict) or not all(type(place) is int for place in places.values()):
+        raise stored.error("parameters", "is not a JSON object of places")
+    return places
 
 
 def _read_fields(own: Tree, attributes: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:

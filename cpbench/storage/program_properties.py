@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from cpbench.formulations.base import Info
-from cpbench.formulations.expressions.mof_json import as_float
 
 OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
 """Names of the properties: the constant of ½zᵀQz + pᵀz, `max` where that with its constant is the opposite of the
@@ -16,7 +15,11 @@ others are multipliers."""
 def offset(info: Info) -> float:
     """Return the constant of the objective; 0 where there is none, or no finite number."""
     value = info.properties.get(OFFSET, 0.0)
-    return float(value) if isinstance(value, int | float) and math.isfinite(as_float(value)) else 0.0
+    try:
+        constant = float(value) if isinstance(value, int | float) else 0.0
+    except OverflowError:  # whole numbers of a JSON file have no end
+        return 0.0
+    return constant if math.isfinite(constant) else 0.0
 
 
 def unknowns(info: Info) -> list[str]:

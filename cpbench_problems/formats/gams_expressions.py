@@ -14,9 +14,9 @@ from operator import add, mul, sub, truediv
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.expressions.map import Builder
-from cpbench.formulations.expressions.mof_operators import combine
 from cpbench.formulations.expressions.operators import Operator
 from cpbench_problems.formats.gams_text import Tokens
+from cpbench_problems.formats.mof_operators import combine
 
 _SAME = {
     **{name: name for name in ("abs", "ceil", "cos", "cosh", "exp", "floor", "log", "log10", "log2", "max", "min")},

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, Nonlinear
-from cpbench.formulations.expressions.mof_model import Model, ModelRow
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.formulations.expressions.plain_rows import PlainRows
-from cpbench.formulations.models import slack
 from cpbench_problems.formats.gams_expressions import GAMSExpressions
 from cpbench_problems.formats.gams_statements import COMPLEMENTARY, GAMSSolve, Statements
 from cpbench_problems.formats.gams_text import Tokens
+from cpbench_problems.formats.mof_functions import Affine, Function, Functions, Nonlinear
+from cpbench_problems.formats.mof_model import Model, ModelRow, slack
+from cpbench_problems.formats.plain_rows import PlainRows
 
 _RELATIONS = ("=e=", "=g=", "=l=", "=n=")
 

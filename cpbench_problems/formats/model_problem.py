@@ -22,12 +22,9 @@ from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.expressions.from_mof import Affine, Nonlinear, Quadratic
-from cpbench.formulations.expressions.mof_model import Model, ModelRow
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.micp import MiCP
 from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.models import complementarity, program
 from cpbench.formulations.ncp import NCP
 from cpbench.formulations.nlp import NLP
 from cpbench.formulations.qp import QP
@@ -37,6 +34,8 @@ from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage.base import build
 from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
+from cpbench_problems.formats.mof_functions import Affine, Nonlinear, Quadratic
+from cpbench_problems.formats.mof_model import Model, ModelRow, negative, slack
 
 _PROGRAMS = (QP.node, NLP.node, ConeQP.node)
 
@@ -173,3 +172,33 @@ def _add(p: Vector, affine: Affine) -> None:
     for column, value in zip(affine.columns, affine.values, strict=True):
         p[column] = p[column] + value if column in seen else value
         seen.add(column)
+
+
+def program(model: Model) -> dict[str, Any]:
+    """Return f, g, h, lb, ub, start of min f(z), g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub, rows in the order of the model.
+
+    A maximum is the minimum of the opposite; a model without an objective has f = 0. Raises FormatError.
+    """
+    if model.complementary:
+        raise model.refused("constraints", "has Complements, expected an optimization problem")
+    if model.cones:
+        raise model.refused("constraints", "has second-order cones beside functions that are not affine")
+    functions = model.functions
+    objective = model.objective if model.objective is not None else Affine([], [], 0.0)
+    return {
+        "f": functions.map([negative(functions, objective) if model.sense == "max" else objective]),
+        "g": functions.map([slack(functions, row) for row in model.above]),
+        "h": functions.map([slack(functions, row) for row in model.equal]),
+        "lb": model.lb,
+        "ub": model.ub,
+        "start": model.start,
+    }
+
+
+def complementarity(model: Model) -> dict[str, Any]:
+    """Return F, lb, ub, start by name, of (F(z), z) in Complements with lb ≤ z ≤ ub.
+
+    Raises FormatError where the model is not a complementarity problem.
+    """
+    F = model.functions.map(model.beside())
+    return {"F": F, "lb": model.lb, "ub": model.ub, "start": model.start}

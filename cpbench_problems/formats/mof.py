@@ -9,7 +9,7 @@ nlp    min f(z); rows g[1]... ≥ 0, rows h[1]... = 0; bounds of z
 
 In a quadratic function the coefficient of a pair i ≠ j is that of zᵢzⱼ, that of (i, i) is twice that of zᵢ², so that
 both are entries of Q; where rounding has made Qᵢⱼ and Qⱼᵢ different, there are two terms, with half of each. Nonlinear
-functions are read back bit for bit (`expressions.to_mof`); starts are the variables' `primal_start`; a parameter of a
+functions are read back bit for bit (`to_mof`); starts are the variables' `primal_start`; a parameter of a
 map is one more variable, in Parameter(value), of the name it has. The description
 begins with the formulation; a file without that becomes what its functions and bounds say (`mof_read`). Second-order
 cones, plain and rotated, are read and not written.

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.expressions import Map, to_mof
+from cpbench.formulations.expressions import Map
+from cpbench_problems.formats import to_mof
 from cpbench_problems.formats.mof_read import CONVEX
 from cpbench_problems.formats.mof_write import FEASIBILITY, MODELS, Written, numbered
 

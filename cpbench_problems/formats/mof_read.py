@@ -11,10 +11,10 @@ from typing import Any
 
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.expressions.mof_json import parse
-from cpbench.formulations.expressions.mof_model import read_model
 from cpbench.storage.base import read_bytes, read_head
 from cpbench_problems.formats.model_problem import problem_of
+from cpbench_problems.formats.mof_json import parse
+from cpbench_problems.formats.mof_model import read_model
 
 MARK = "cpbench "
 """Beginning of the description of a written file, the formulation after it."""

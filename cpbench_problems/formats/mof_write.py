@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.expressions import to_mof
 from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
+from cpbench_problems.formats import to_mof
 
 FEASIBILITY = '{"sense": "feasibility"}'
 

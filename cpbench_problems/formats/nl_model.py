@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.formulations.expressions.from_mof import Affine, Function, Nonlinear, Quadratic
-from cpbench.formulations.expressions.mof_model import Model, ModelRow
-from cpbench.formulations.expressions.plain_rows import PlainRows
-from cpbench.formulations.models import slack
+from cpbench_problems.formats.mof_functions import Affine, Function, Nonlinear, Quadratic
+from cpbench_problems.formats.mof_model import Model, ModelRow, slack
 from cpbench_problems.formats.nl_segments import LinearTerms, Segments
+from cpbench_problems.formats.plain_rows import PlainRows
 
 
 def model_of(path: Path, segments: Segments, quadratic: bool) -> Model:

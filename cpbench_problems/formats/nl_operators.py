@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cpbench.formulations.expressions.map import Builder
-from cpbench.formulations.expressions.mof_operators import combine
 from cpbench.formulations.expressions.operators import Operator
+from cpbench_problems.formats.mof_operators import combine
 
 UNARY: Mapping[int, Operator] = {
     13: Operator.FLOOR, 14: Operator.CEIL, 15: Operator.ABS, 16: Operator.NEG, 34: Operator.NOT, 37: Operator.TANH,

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.formulations.expressions.from_mof import Affine, Functions
 from cpbench.formulations.expressions.operators import Operator
+from cpbench_problems.formats.mof_functions import Affine, Functions
 from cpbench_problems.formats.nl_expressions import NLExpressions
 from cpbench_problems.formats.nl_header import read_header
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.formulations.expressions.from_mof import Affine, Functions, Quadratic
 from cpbench.formulations.expressions.map import Map
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.formulations.expressions.plain_rows import PlainRows
+from cpbench_problems.formats.mof_functions import Affine, Functions, Quadratic
 from cpbench_problems.formats.nl_encoders import Encoder
 from cpbench_problems.formats.nl_operators import CONDITIONS, IF, NOT_EQUAL, SUM, WRITTEN
+from cpbench_problems.formats.plain_rows import PlainRows
 
 DEPTH = 200
 """Operators inside each other: readers written with recursion take that."""

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.formulations.expressions.from_mof import Affine
 from cpbench.formulations.expressions.operators import Operator
 from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
 from cpbench.storage.program_properties import offset
+from cpbench_problems.formats.mof_functions import Affine
 from cpbench_problems.formats.mof_linear import kept, quadratic
 from cpbench_problems.formats.nl_encoders import Encoder
 from cpbench_problems.formats.nl_operators import SUM, UNWRITTEN, WRITTEN

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cpbench.formulations.expressions.from_mof import Affine
-from cpbench.formulations.expressions.mof_model import Model
-from cpbench.formulations.models import slack
 from cpbench.foundation.plurals import counted, some_of
+from cpbench_problems.formats.mof_functions import Affine
+from cpbench_problems.formats.mof_model import Model, slack
 
 _SHOWN = 3
 

@@ -22,11 +22,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mof_schema import violations
 
 from cpbench import storage
-from cpbench.errors import FormatError, ProblemError
+from cpbench.errors import FormatError
 from cpbench.formulations import NCP, NLP, QP, QVI, MiCP, formulations
-from cpbench.formulations.expressions import Builder, Map, Operator, from_mof, mof_json, to_mof
-from cpbench.formulations.expressions.mof_operators import KNOWN
+from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.testing.cases import draw
+from cpbench_problems.formats import mof_json, to_mof
+from cpbench_problems.formats.model_problem import complementarity, program
+from cpbench_problems.formats.mof_functions import Functions
+from cpbench_problems.formats.mof_model import read_model
+from cpbench_problems.formats.mof_operators import KNOWN
 
 NODES = ("nlp", "ncp", "micp", "equation", "cp", "vi", "qvi", "ge", "nfc")
 WRITTEN = ("nlp", "ncp", "micp")
@@ -38,10 +42,14 @@ def _names(n: int) -> list[str]:
 
 def _read(function: Any, inputs: int) -> Map:
     """A vector or a list of scalar functions, out of JSON again."""
-    functions = from_mof.Functions("text", {name: k for k, name in enumerate(_names(inputs))})
+    functions = Functions("text", {name: k for k, name in enumerate(_names(inputs))})
     loaded = json.loads(json.dumps(function, allow_nan=False))
     rows = loaded if isinstance(loaded, list) else [loaded]
     return functions.map([value for row in rows for value in functions.rows(row, "function")])
+
+
+def _program(text: str | bytes) -> NLP:
+    return NLP(**program(read_model(text, "text")))
 
 
 # ----------------------------------------------------------------------------------------- there and back
@@ -68,8 +76,6 @@ def test_a_map_comes_back_bit_for_bit(F: Map) -> None:
     assert _read(to_mof.vector(F, _names(F.inputs)), F.inputs) == F
     scalars = to_mof.scalars(F, _names(F.inputs))
     assert scalars is None or _read(scalars, F.inputs) == F
-    text = json.dumps(to_mof.model({"F": F}, _names(F.inputs)), allow_nan=False).encode()
-    assert from_mof.maps(text, "text", {"F": F.inputs}).get("F", Map.empty(F.inputs)) == F
 
 
 @pytest.mark.parametrize("node", some_by_day(NODES, 12))
@@ -110,8 +116,6 @@ def test_a_file_keeps_a_problem(node: str, seed: int, tmp_path: Path) -> None:
     again = storage.load(path)
     assert (again.node, again.fingerprint) == (node, problem.fingerprint)
     assert getattr(again, "convex", False) == getattr(problem, "convex", False)
-    classes: dict[str, Any] = {"nlp": NLP, "ncp": NCP, "micp": MiCP}
-    assert classes[node].from_mof(path.read_text()).fingerprint == problem.fingerprint
 
 
 def test_starts_are_kept_with_the_sign_of_a_zero(tmp_path: Path) -> None:
@@ -199,10 +203,16 @@ def test_files_keep_to_the_schema(node: str, schema: dict[str, Any], tmp_path: P
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(F=maps())
 def test_maps_keep_to_the_schema(F: Map, schema: dict[str, Any]) -> None:
-    model = to_mof.model({"F": F}, _names(F.inputs))
-    model["constraints"] += [
-        {"function": f, "set": {"type": "EqualTo", "value": 0.0}} for f in to_mof.scalars(F, _names(F.inputs)) or ()
-    ]
+    names = _names(F.inputs)
+    functions = [{"function": f, "set": {"type": "EqualTo", "value": 0.0}} for f in to_mof.scalars(F, names) or ()]
+    if F.rows:
+        functions.append({"function": to_mof.vector(F, names), "set": {"type": "Zeros", "dimension": F.rows}})
+    model = {
+        "version": to_mof.VERSION,
+        "variables": [{"name": name} for name in names],
+        "objective": {"sense": "feasibility"},
+        "constraints": functions,
+    }
     assert violations(model, schema, schema) == []
 
 
@@ -401,22 +411,19 @@ def test_complementarity_of_others(tmp_path: Path) -> None:
     mixed = storage.load(path)
     assert isinstance(mixed, MiCP)
     assert mixed.lb.tolist() == [0.0, -np.inf]
-    with pytest.raises(ProblemError, match=r"bounds at 1"):
-        NCP.from_mof(path.read_text())
-    assert MiCP.from_mof(path.read_text()).fingerprint == mixed.fingerprint
 
 
 def test_linear_models_may_be_environment_as_nonlinear_ones(tmp_path: Path) -> None:
     problem = QP.build(np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([1.0, -1.0]))
     storage.save(problem, tmp_path / "p.mof.json")
-    program = NLP.from_mof((tmp_path / "p.mof.json").read_bytes())
+    quadratic = _program((tmp_path / "p.mof.json").read_bytes())
     at = np.array([0.3, -0.7])
-    assert program.objective(at) == pytest.approx(problem.objective(at), rel=1e-15)
+    assert quadratic.objective(at) == pytest.approx(problem.objective(at), rel=1e-15)
     lcp = draw("lcp", 1, 4).problem
     storage.save(lcp, tmp_path / "l.mof.json")
-    ncp = NCP.from_mof((tmp_path / "l.mof.json").read_text())
+    F = complementarity(read_model((tmp_path / "l.mof.json").read_bytes(), "text"))["F"]
     at = np.arange(4.0)
-    np.testing.assert_allclose(ncp.F(at), lcp.data()["M"] @ at + lcp.data()["q"], rtol=1e-14)
+    np.testing.assert_allclose(F(at), lcp.data()["M"] @ at + lcp.data()["q"], rtol=1e-14)
 
 
 # ------------------------------------------------------------------------------------------------- hostile
@@ -426,7 +433,7 @@ def _refused(function: Any, says: str, variables: Any = None) -> None:
     model = _model(objective={"sense": "min", "function": function})
     text = json.dumps(model | ({"variables": variables} if variables else {}))
     with pytest.raises(FormatError, match=says) as refusal:
-        NLP.from_mof(text)
+        _program(text)
     assert "\n" not in str(refusal.value)
     str(refusal.value).encode()
 
@@ -493,14 +500,6 @@ def test_functions_that_are_none_are_one_line(function: Any, says: str) -> None:
 
 def test_names_that_occur_twice_are_refused() -> None:
     _refused(_nonlinear("x"), "two of one name, 'x'", variables=[{"name": "x"}, {"name": "x"}])
-    F = Map.from_casadi(z := ca.SX.sym("z", 2), z)
-    model = to_mof.model({"F": F}, ["a", "a"])
-    with pytest.raises(FormatError, match="two of one name"):
-        from_mof.maps(json.dumps(model).encode(), "text", {"F": None})
-    model = to_mof.model({"F": F}, ["a", "b"])
-    model["constraints"] *= 2
-    with pytest.raises(FormatError, match="F once"):
-        from_mof.maps(json.dumps(model).encode(), "text", {"F": None})
 
 
 @pytest.mark.nightly
@@ -508,13 +507,13 @@ def test_nesting_is_bounded_by_the_parser_and_chains_are_not() -> None:
     deep = '{"type":"sin","args":[' * 100_000
     text = json.dumps(_model(objective={"sense": "min", "function": _nonlinear("HERE")}))
     with pytest.raises(FormatError, match="nested too deep"):
-        NLP.from_mof(text.replace('"HERE"', deep))
+        _program(text.replace('"HERE"', deep))
     n = 100_000
     nodes = [{"type": "sin", "args": ["x" if k == 0 else {"type": "node", "index": k}]} for k in range(n)]
     function = _nonlinear({"type": "node", "index": n}, *nodes)
-    assert NLP.from_mof(json.dumps(_model(objective={"sense": "min", "function": function}))).f.operations == n
+    assert _program(json.dumps(_model(objective={"sense": "min", "function": function}))).f.operations == n
     wide = _nonlinear({"type": "+", "args": ["x"] * n})
-    assert NLP.from_mof(json.dumps(_model(objective={"sense": "min", "function": wide}))).f.operations == n - 1
+    assert _program(json.dumps(_model(objective={"sense": "min", "function": wide}))).f.operations == n - 1
 
 
 def test_shared_terms_are_looked_at_once() -> None:
@@ -522,10 +521,10 @@ def test_shared_terms_are_looked_at_once() -> None:
     nodes: list[Any] = [{"type": "exp", "args": ["x"]}]
     nodes += [{"type": "+", "args": [{"type": "node", "index": k}] * 2} for k in range(1, 201)]
     function = _nonlinear({"type": "node", "index": 201}, *nodes)
-    program = NLP.from_mof(json.dumps(_model(objective={"sense": "min", "function": function})))
-    assert program.f.operations == 201
-    assert program.f.evaluate(np.zeros(2))[0] == 2.0**200
-    assert _read(to_mof.scalars(program.f, _names(2)), 2) == program.f
+    f = _program(json.dumps(_model(objective={"sense": "min", "function": function}))).f
+    assert f.operations == 201
+    assert f.evaluate(np.zeros(2))[0] == 2.0**200
+    assert _read(to_mof.scalars(f, _names(2)), 2) == f
 
 
 @pytest.mark.parametrize("piece", [b'{"type":"sin","args":["x"]},', b"{},", b"[],"])
@@ -552,42 +551,44 @@ def test_a_file_that_is_too_long_is_not_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("part", "put", "says"),
     [
-        (lambda model: model["constraints"].pop(0), "F: has shape"),
-        (lambda model: model["constraints"][0].update(name="K"), "named 'K'"),
-        (lambda model: model["constraints"][0]["function"].update(node_list=3), "node_list"),
-        (lambda model: model["variables"].append({"name": "z[1]"}), "two of one name"),
-        (lambda model: model["variables"].pop(), r"variable 'z\[2\]'"),
-        (lambda model: model["constraints"][0]["function"]["rows"].pop(), "F: has shape"),
+        ("operations", None, "F/operations: is missing"),
+        ("operations", [[1, 0]], "operations: has 2 columns"),
+        ("operations", [[99, 0, -1], [1, 1, -1]], "map.heads"),
+        ("operations", [[1, 9, -1], [1, 1, -1]], "map.left: is 9 at 0"),
+        ("constants", [math.inf], "map.constants"),
+        ("outputs", [2], "F: has shape"),
+        ("outputs", [2, 7], "map.outputs"),
+        ("parameters", "{", "is not a JSON object"),
+        ("parameters", '{"p": "1"}', "is not a JSON object of places"),
+        ("parameters", '{"p": 7}', "map.named"),
+        ("other", [1.0], "other: is none of"),
+        ("@inputs", 3, "F: has shape"),
+        ("@inputs", "2", "@inputs: is missing"),
     ],
 )
-def test_damaged_maps_in_hdf5_are_one_line(change: Any, says: str, tmp_path: Path) -> None:
+def test_damaged_maps_in_hdf5_are_one_line(part: str, put: Any, says: str, tmp_path: Path) -> None:
     z = ca.SX.sym("z", 2)
     path = tmp_path / "p.h5"
     storage.save(NCP.from_casadi(z, ca.exp(z)), path)
     with h5py.File(path, "r+") as file:
-        stored: Any = file["cpbench"]
-        model = json.loads(stored["mof"][()])
-        change(model)
-        del stored["mof"]
-        stored.create_dataset("mof", data=np.bytes_(json.dumps(model).encode()))
+        stored: Any = file["cpbench/maps/F"]
+        if part.startswith("@"):
+            stored.attrs[part[1:]] = put
+        else:
+            if part in stored:
+                del stored[part]
+            if put is not None:
+                stored.create_dataset(part, data=put)
     with pytest.raises(FormatError, match=says) as refusal:
         storage.load(path)
     assert str(path) in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("put", ["", "{", "null", "[1]"])
-def test_maps_that_are_no_json_are_one_line(put: str, tmp_path: Path) -> None:
-    z = ca.SX.sym("z", 2)
-    path = tmp_path / "p.h5"
-    storage.save(NCP.from_casadi(z, ca.exp(z)), path)
-    with h5py.File(path, "r+") as file:
-        stored: Any = file["cpbench"]
-        del stored["mof"]
-        if put:
-            stored.create_dataset("mof", data=put)
-    with pytest.raises(FormatError, match="cpbench/mof") as refusal:
-        storage.load(path)
-    assert "\n" not in str(refusal.value)
+def test_hdf5_keeps_parameters(tmp_path: Path) -> None:
+    z, p = ca.SX.sym("z", 2), ca.SX.sym("p")
+    problem = NCP.from_casadi(z, p * z + p, parameters={"p": 2.0})
+    storage.save(problem, tmp_path / "p.h5")
+    assert storage.load(tmp_path / "p.h5").parameters == {"p": 2.0}

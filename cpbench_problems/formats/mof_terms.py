@@ -12,8 +12,8 @@ from typing import Any
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.expressions.map import Builder
-from cpbench.formulations.expressions.mof_json import Fields, shown, shown_number
-from cpbench.formulations.expressions.mof_operators import KNOWN, combine
+from cpbench_problems.formats.mof_json import Fields, shown, shown_number
+from cpbench_problems.formats.mof_operators import KNOWN, combine
 
 _UNSEEN, _OPEN = -1, -2
 

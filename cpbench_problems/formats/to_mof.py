@@ -7,16 +7,16 @@ list. No root is a bare variable or number but +(x): so JuMP writes and wants it
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.expressions.from_mof import Affine, Functions, Quadratic
 from cpbench.formulations.expressions.map import Map
-from cpbench.formulations.expressions.mof_operators import CHAINED, WRITTEN
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.formulations.expressions.plain_rows import PlainRows
+from cpbench_problems.formats.mof_functions import Affine, Functions, Quadratic
+from cpbench_problems.formats.mof_operators import CHAINED, WRITTEN
+from cpbench_problems.formats.plain_rows import PlainRows
 
 DEPTH = 12
 """Terms inside each other: parsers of JSON and readers of people go that deep without trouble."""
@@ -51,30 +51,6 @@ def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
         rows, nodes = writer.written(members, [end])
         result.append({"type": "ScalarNonlinearFunction", "root": rows[0], "node_list": nodes})
     return result
-
-
-def model(maps: Mapping[str, Map], names: Sequence[str]) -> dict[str, Any]:
-    """Write a model that only holds maps: each is a constraint of its name in Reals. A map of fewer inputs than there
-    are names takes the last ones; one without rows is left out.
-    """
-    parameters = {name: value for F in maps.values() for name, value in F.parameters.items()}
-    return {
-        "version": VERSION,
-        "variables": [{"name": name} for name in (*names, *parameters)],
-        "objective": {"sense": "feasibility"},
-        "constraints": [
-            *(parameter(name, value) for name, value in parameters.items()),
-            *(
-                {
-                    "name": label,
-                    "function": vector(F, names[len(names) - F.inputs :]),
-                    "set": {"type": "Reals", "dimension": F.rows},
-                }
-                for label, F in maps.items()
-                if F.rows
-            ),
-        ],
-    }
 
 
 def parameter(name: str, value: float) -> dict[str, Any]:

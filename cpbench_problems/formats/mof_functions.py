@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.expressions.map import Builder, Map
-from cpbench.formulations.expressions.mof_json import Fields, parse, shown, shown_number
-from cpbench.formulations.expressions.mof_terms import MofTerms
 from cpbench.formulations.expressions.operators import Operator
+from cpbench_problems.formats.mof_json import Fields, shown, shown_number
+from cpbench_problems.formats.mof_terms import MofTerms
 
 
 @dataclass(slots=True)
@@ -190,50 +190,3 @@ class Functions:
         fields = self._fields
         i, j = (fields.variable(self._column, fields.get(term, f"variable_{k}", str, where), where) for k in (1, 2))
         return i, j, fields.number(term, "coefficient", where)
-
-
-def parameter_of(constraint: Any) -> str | None:
-    """Return the variable that a constraint declares to be a parameter, None where it is another constraint."""
-    function, set_ = (constraint.get(key) if isinstance(constraint, dict) else None for key in ("function", "set"))
-    if not (isinstance(function, dict) and isinstance(set_, dict)):
-        return None
-    fits = set_.get("type") == "Parameter" and function.get("type") == "Variable"
-    return function["name"] if fits and isinstance(function.get("name"), str) else None
-
-
-def parameters(fields: Fields, model: Any) -> dict[str, float]:
-    """Return the parameters of a model, with their values; raises FormatError."""
-    result: dict[str, float] = {}
-    for k, constraint in fields.items(model, "constraints"):
-        name = parameter_of(constraint)
-        if name is None:
-            continue
-        if name in result:
-            raise fields.refused(f"constraints/{k}", f"has a second value for the parameter '{shown(name)}'")
-        result[name] = fields.number(constraint["set"], "value", f"constraints/{k}/set")
-    return result
-
-
-def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> dict[str, Map]:
-    """Return the maps in a model that `to_mof.model` made: those of `inputs`, which says how many variables each takes.
-
-    None: all there are. A map that the model has not is left out. Raises FormatError.
-    """
-    fields = Fields(source)
-    stored = parse(text, source)
-    values = parameters(fields, stored)
-    names = [name for name in fields.names(stored) if name not in values]
-    result: dict[str, Map] = {}
-    for k, constraint in fields.items(stored, "constraints"):
-        where = f"constraints/{k}"
-        if parameter_of(constraint) is not None:
-            continue
-        name = fields.get(constraint, "name", str, where)
-        if name not in inputs or name in result:
-            raise fields.refused(where, f"is named '{shown(name)}', expected each of {', '.join(inputs)} once")
-        size = inputs[name]
-        taken = names if size is None else names[max(len(names) - size, 0) :]
-        functions = Functions(source, {variable: j for j, variable in enumerate(taken)}, values)
-        rows = functions.rows(fields.get(constraint, "function", dict, where), f"{where}/function")
-        result[name] = functions.map(rows)
-    return result

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, Quadratic, parameter_of, parameters
-from cpbench.formulations.expressions.mof_json import Fields, parse, shown
+from cpbench.formulations.expressions.operators import Operator
 from cpbench.foundation.matrices import Vector
+from cpbench_problems.formats.mof_functions import Affine, Function, Functions, Nonlinear, Quadratic
+from cpbench_problems.formats.mof_json import Fields, parse, shown
 
 _SIDES: dict[str, tuple[str | float, str | float]] = {
     "GreaterThan": ("lower", math.inf),
@@ -252,3 +253,48 @@ def _text(model: dict[str, Any], key: str) -> str:
     """
     value = model.get(key, "")
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else ""
+
+
+def slack(functions: Functions, row: ModelRow) -> Function:
+    """Return function − side, or side − function."""
+    function, side = row.function, row.side
+    if isinstance(function, Nonlinear):
+        build = functions.build
+        if not side:
+            return negative(functions, function) if row.below else function
+        sides = (function.value, build.constant(side))
+        return Nonlinear(build.apply(Operator.SUB, *(reversed(sides) if row.below else sides)))
+    affine = function.affine if isinstance(function, Quadratic) else function
+    moved = Affine(affine.columns, affine.values, affine.constant - side)
+    shifted = Quadratic(function.products, moved) if isinstance(function, Quadratic) else moved
+    return negative(functions, shifted) if row.below else shifted
+
+
+def negative(functions: Functions, function: Function) -> Function:
+    if isinstance(function, Nonlinear):
+        return Nonlinear(functions.build.apply(Operator.NEG, function.value))
+    if isinstance(function, Quadratic):
+        return Quadratic([(i, j, -c) for i, j, c in function.products], function.affine.negative())
+    return function.negative()
+
+
+def parameter_of(constraint: Any) -> str | None:
+    """Return the variable that a constraint declares to be a parameter, None where it is another constraint."""
+    function, set_ = (constraint.get(key) if isinstance(constraint, dict) else None for key in ("function", "set"))
+    if not (isinstance(function, dict) and isinstance(set_, dict)):
+        return None
+    fits = set_.get("type") == "Parameter" and function.get("type") == "Variable"
+    return function["name"] if fits and isinstance(function.get("name"), str) else None
+
+
+def parameters(fields: Fields, model: Any) -> dict[str, float]:
+    """Return the parameters of a model, with their values; raises FormatError."""
+    result: dict[str, float] = {}
+    for k, constraint in fields.items(model, "constraints"):
+        name = parameter_of(constraint)
+        if name is None:
+            continue
+        if name in result:
+            raise fields.refused(f"constraints/{k}", f"has a second value for the parameter '{shown(name)}'")
+        result[name] = fields.number(constraint["set"], "value", f"constraints/{k}/set")
+    return result

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from cpbench.formulations.expressions.from_mof import Affine, Quadratic
 from cpbench.formulations.expressions.map import Builder
 from cpbench.formulations.expressions.operators import Operator
+from cpbench_problems.formats.mof_functions import Affine, Quadratic
 
 
 class PlainRows:
