@@ -80,7 +80,7 @@ class Run:
 
     @cached_property
     def remarks(self) -> list[str]:
-        """`remarks.remarks` of all rows, and of problem files that changed: what the first lines say."""
+        """`remarks.remarks` of all rows, and of problem files that changed: what the lines below the answer say."""
         of_files = [str(line) for line in self.meta.get("changed") or []]
         return [*remarks.remarks(self.read), *of_files]
 
