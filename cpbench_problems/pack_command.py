@@ -18,7 +18,7 @@ from cpbench.formulations.base import formulations
 from cpbench.formulations.contact import ContactProblem
 from cpbench.storage.base import require_new
 from cpbench_problems.formats import array_forms, array_problems
-from cpbench_problems.formats.array_forms import Form
+from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import shapes_of
 
 
@@ -62,7 +62,7 @@ def _split(text: str) -> tuple[str, Path]:
     return (name, Path(file)) if equals else (Path(text).stem, Path(text))
 
 
-def _normal_first(values: dict[str, Any], form: Form, axes: str) -> dict[str, Any]:
+def _normal_first(values: dict[str, Any], form: ArrayForm, axes: str) -> dict[str, Any]:
     """Return the arrays with the last row of each contact as its first; raises CpbenchError."""
     cls = formulations.get(form.node)
     if not (form.own and issubclass(cls, ContactProblem)):

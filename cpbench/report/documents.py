@@ -36,8 +36,8 @@ MATRIX_PROBLEMS = 60
 
 
 @dataclass(frozen=True)
-class Group:
-    """What the documents show of a formulation at one tolerance, start and number of threads.
+class ShownGroup:
+    """A formulation at one tolerance, start and number of threads, as the documents show it.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def context(run: Run, title: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Group:
+def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
     ranking = next((one for one in run.rankings if one.group == group), None)
     compared = rows_of.only_ranked(rows)
     times = rows_of.times(compared)
@@ -104,7 +104,7 @@ def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Group:
         f"{plain(k)} {a}" if a == b else f"{plain(k)} {a} to {b}" for k, (a, b) in summary.size_ranges(rows).items()
     ]
     order = [str(label) for label in found["verdicts"].frame["solver"]]
-    return Group(
+    return ShownGroup(
         name=group_name(run, group),
         anchor=re.sub(r"[^\w -]", "", group_name_text(run, group).lower()).replace(" ", "-"),
         problems=problems,

@@ -21,7 +21,7 @@ from cpbench.foundation import matrices
 from cpbench.storage.arrays import first_line, npz_shapes, read_npz
 from cpbench.storage.base import Format, formats, no_member, read_head
 from cpbench_problems.formats import array_forms, array_problems
-from cpbench_problems.formats.array_forms import Form
+from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import Shape, joined, joined_shapes, require_shapes, shapes_of
 from cpbench_problems.formats.trial import require_survivor
 
@@ -34,7 +34,7 @@ class ArrayFile(Format):
     """Named arrays in a file; `form` is the one that they must have, None for that of their names."""
 
     suffixes = (".npz", ".mat")
-    form: ClassVar[Form | None] = None
+    form: ClassVar[ArrayForm | None] = None
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return False  # by its name alone: `arrays` chooses

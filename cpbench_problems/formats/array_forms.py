@@ -25,7 +25,7 @@ Symbols = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Form:
+class ArrayForm:
     """A form: the arrays that it has, and the formulation that they make.
 
     Attributes
@@ -70,10 +70,10 @@ class Form:
         return sorted(set(names) - set(self.known()))
 
 
-def _program(name: str, needs: str, arrays: str, aside: Mapping[str, str], node: str = "qp") -> Form:
+def _program(name: str, needs: str, arrays: str, aside: Mapping[str, str], node: str = "qp") -> ArrayForm:
     """Return a form from a text such as `P n n, q n`."""
     split = [part.split() for part in arrays.split(",")]
-    return Form(name, node, {word[0]: tuple(word[1:]) for word in split}, frozenset(needs.split()), aside)
+    return ArrayForm(name, node, {word[0]: tuple(word[1:]) for word in split}, frozenset(needs.split()), aside)
 
 
 _START = "a starting point"
@@ -101,24 +101,24 @@ _ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 @cache
-def own(cls: type[Problem]) -> Form:
+def own(cls: type[Problem]) -> ArrayForm:
     """Return the form whose names are the fields of a formulation; its `build`, where it has one, says which may be
     left out."""
     declared = {f.name: f.metadata["shape"] for f in fields(cls) if "shape" in f.metadata}
     plain = [f.name for f in fields(cls) if f.name not in _ANNOTATIONS and f.name not in declared]
     parameters = inspect.signature(getattr(cls, "build", cls)).parameters
     needs = frozenset(name for name in declared if parameters[name].default is inspect.Parameter.empty)
-    return Form(cls.node, cls.node, {**declared, **dict.fromkeys(plain, ())}, needs, own=True)
+    return ArrayForm(cls.node, cls.node, {**declared, **dict.fromkeys(plain, ())}, needs, own=True)
 
 
-def forms() -> list[Form]:
+def forms() -> list[ArrayForm]:
     """Return all forms: those of packages, then those of the formulations without nonlinear maps."""
     names = sorted((name for name in formulations.names() if name not in _CONTAINED), key=len)
     classes = map(formulations.get, names)
     return [*FOREIGN, *(own(cls) for cls in classes if not cls.has_maps())]
 
 
-def named(text: str) -> Form:
+def named(text: str) -> ArrayForm:
     """Return the form of a name, in small letters and with hyphens for blanks; raises UnknownName.
 
     >>> named("boxed-lcp").arrays["findex"], named("qp").own
@@ -130,7 +130,7 @@ def named(text: str) -> Form:
     return known[text.casefold()]
 
 
-def fitting(names: Collection[str]) -> list[Form]:
+def fitting(names: Collection[str]) -> list[ArrayForm]:
     """Return the forms that have all of `names` and need no other; first the one with the fewest arrays more."""
     fits = [d for d in forms() if d.needs <= set(names) and not d.unknown(names)]
     return sorted(fits, key=lambda d: len(set(d.arrays) - set(names)))
@@ -141,10 +141,10 @@ def has_needs(names: Collection[str]) -> bool:
     return any(d.needs <= set(names) for d in forms())
 
 
-def nearest(names: Collection[str]) -> Form:
+def nearest(names: Collection[str]) -> ArrayForm:
     """Return the form of which the fewest names are missing or unknown; of several that with names like the unknown."""
 
-    def distance(d: Form) -> tuple[int, int, int]:
+    def distance(d: ArrayForm) -> tuple[int, int, int]:
         unknown = d.unknown(names)
         free = d.arrays.keys() - set(names)
         hints = sum(bool(alike(name, free)) for name in unknown)
@@ -175,7 +175,7 @@ def alike(name: str, known: Collection[str]) -> str:
     return letters[near[0]] if near else ""
 
 
-def refusal(form: Form, names: Collection[str]) -> tuple[str, str] | None:
+def refusal(form: ArrayForm, names: Collection[str]) -> tuple[str, str] | None:
     """Return the name of an array that is too many or missing in a form, and why nothing is read; None where all fit.
 
     >>> refusal(QPSOLVERS, ["P", "q", "l"])

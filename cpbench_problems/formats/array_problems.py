@@ -25,7 +25,7 @@ from cpbench.storage.arrays import SPARSE, sparse_from_parts
 from cpbench.storage.base import build, stem
 from cpbench.storage.program_properties import OFFSET
 from cpbench_problems.formats import array_forms
-from cpbench_problems.formats.array_forms import Form
+from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import (
     NamedArrays,
     Shape,
@@ -41,7 +41,7 @@ FORM = "form"
 """Property of a problem that says in which form its arrays were."""
 
 
-def choose(path: Path, shapes: Mapping[str, Shape | None], only: Form | None = None) -> tuple[Form, str]:
+def choose(path: Path, shapes: Mapping[str, Shape | None], only: ArrayForm | None = None) -> tuple[ArrayForm, str]:
     """Return the form of arrays of these names, and a text that says so.
 
     `only` is the form that was asked for. Raises FormatError with each array that is too many or missing.
@@ -70,7 +70,7 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: Form | None = N
     return form, text
 
 
-def build_problem(path: Path, values: Mapping[str, Any], form: Form, text: str, name: str = "") -> Problem:
+def build_problem(path: Path, values: Mapping[str, Any], form: ArrayForm, text: str, name: str = "") -> Problem:
     """Return the problem that arrays make in a form, with the `text` of `choose`; raises FormatError with the array
     that does not fit."""
     dropped = absent(form, shapes_of(values))
@@ -87,7 +87,7 @@ Made = tuple[type[Problem], dict[str, Any], dict[str, Any]]
 """A formulation, its data, and properties to remember."""
 
 
-def _own(arrays: NamedArrays, form: Form) -> Made:
+def _own(arrays: NamedArrays, form: ArrayForm) -> Made:
     cls = formulations.get(form.node)
     parts: dict[str, Any] = {}
     for name, symbols in form.arrays.items():
@@ -103,7 +103,7 @@ def _own(arrays: NamedArrays, form: Form) -> Made:
     return cls, _whole_qp(parts) if cls is QP else parts, {}
 
 
-def _dimension(arrays: NamedArrays, form: Form, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
+def _dimension(arrays: NamedArrays, form: ArrayForm, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
     """Return the rows of a contact; raises FormatError where there is no whole number of them."""
     (symbol,) = form.arrays[cls.rows_of]
     # the vector itself may be left out, where it is zero
@@ -127,7 +127,7 @@ def _whole_qp(parts: dict[str, Any]) -> dict[str, Any]:
     return {**absent, "lb": np.full(n, -np.inf), "ub": np.full(n, np.inf), **parts}
 
 
-def _below(arrays: NamedArrays, form: Form) -> Made:
+def _below(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Rows below a side and rows of an equation: qpsolvers, quadprog, cvxopt."""
     Q, p, G, h, C, d = list(form.arrays)[:6]
     vector = arrays.vector(p)
@@ -154,7 +154,7 @@ def _left_out(count: int) -> dict[str, Any]:
     )
 
 
-def _cvxopt(arrays: NamedArrays, form: Form) -> Made:
+def _cvxopt(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Cones of orthants and of second order make a conic program, whose equations are rows of {0}."""
     if "dims.s" in arrays and arrays.vector("dims.s").any():
         raise arrays.error("dims.s", "is a cone of positive semidefinite matrices, which no formulation has")
@@ -178,7 +178,7 @@ def _cvxopt(arrays: NamedArrays, form: Form) -> Made:
     return ConeQP, {**parts, **cone_fields(ProductCone.of(*(f for f in factors if f[2])))}, {}
 
 
-def _osqp(arrays: NamedArrays, form: Form) -> Made:
+def _osqp(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Rows between two sides; the constant r changes no solution and is remembered."""
     A = sp.csr_array(arrays.matrix("A"))
     for name, size in (("n", A.shape[1]), ("m", A.shape[0])):
@@ -192,7 +192,7 @@ def _osqp(arrays: NamedArrays, form: Form) -> Made:
     return QP, {"Q": sp.csr_array(arrays.symmetric("P")), "p": arrays.vector("q"), **rows}, properties
 
 
-def _box(arrays: NamedArrays, form: Form) -> Made:
+def _box(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Bounds alone, and a Hessian by rows."""
     parts = {key: arrays.values[key] for key in ("data", "indices", "indptr", "shape")}
     Q = require_whole(arrays.path, "data", sparse_from_parts(arrays.path, "", counted(parts)))
@@ -200,7 +200,7 @@ def _box(arrays: NamedArrays, form: Form) -> Made:
     return QP, _whole_qp({"Q": Q, "p": arrays.vector("q"), **bounds}), {}
 
 
-def _contactbench(arrays: NamedArrays, form: Form) -> Made:
+def _contactbench(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Rows (T1, T2, N) of each contact become (N, T1, T2): W = PGPᵀ, q = Pg."""
     G, g, mu = arrays.matrix("G"), arrays.vector("g"), arrays.vector("mus")
     if G.shape != (3 * mu.size, 3 * mu.size):
@@ -210,7 +210,7 @@ def _contactbench(arrays: NamedArrays, form: Form) -> Made:
     return FrictionContact, {"W": G[order][:, order], "q": g[order], "mu": mu}, {}
 
 
-def _boxed(arrays: NamedArrays, form: Form) -> Made:
+def _boxed(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Return the AVI that `applications.boxed` makes."""
     A = arrays.matrix("A")
     findex = arrays.vector("findex", arrays.vector("b").size, -1.0)
@@ -223,7 +223,7 @@ def _boxed(arrays: NamedArrays, form: Form) -> Made:
     return AVI, {name: getattr(made, name) for name in ("M", "q", "lb", "ub", "info")}, {}
 
 
-def _least_squares(arrays: NamedArrays, form: Form) -> Made:
+def _least_squares(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Return the QP that `applications.least_squares` makes."""
     lb, ub = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
     try:
@@ -233,7 +233,7 @@ def _least_squares(arrays: NamedArrays, form: Form) -> Made:
     return QP, {**made.data(), "info": made.info}, {}
 
 
-def _game(arrays: NamedArrays, form: Form) -> Made:
+def _game(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Return the LCP that `applications.game` makes."""
     try:
         made = game_problem(arrays.matrix("A"), arrays.matrix("B"))
@@ -242,7 +242,7 @@ def _game(arrays: NamedArrays, form: Form) -> Made:
     return LCP, {**made.data(), "info": made.info}, {}
 
 
-_MAKERS: Mapping[str, Callable[[NamedArrays, Form], Made]] = {
+_MAKERS: Mapping[str, Callable[[NamedArrays, ArrayForm], Made]] = {
     array_forms.QPSOLVERS.name: _below,
     array_forms.QUADPROG.name: _below,
     array_forms.CVXOPT.name: _cvxopt,

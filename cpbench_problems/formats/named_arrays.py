@@ -14,7 +14,7 @@ from cpbench.errors import FormatError
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.storage.arrays import SPARSE, sparse_from_parts
-from cpbench_problems.formats.array_forms import Form, Symbols
+from cpbench_problems.formats.array_forms import ArrayForm, Symbols
 
 Shape = tuple[int, ...]
 
@@ -120,7 +120,7 @@ def sparse_names(names: Collection[str]) -> list[str]:
     return [stem for stem in stems if all(f"{stem}.{part}" in names for part in SPARSE)]
 
 
-def require_shapes(path: Path, form: Form, shapes: Mapping[str, Shape | None]) -> None:
+def require_shapes(path: Path, form: ArrayForm, shapes: Mapping[str, Shape | None]) -> None:
     """Raise FormatError where the shapes of arrays do not agree with each other as the form says."""
     known: dict[str, tuple[int, str]] = {}
     for name, symbols, shape in sorted(_declared(form, shapes), key=lambda item: len(item[1])):
@@ -142,7 +142,7 @@ def require_shapes(path: Path, form: Form, shapes: Mapping[str, Shape | None]) -
             known.setdefault(symbol, (size, name))
 
 
-def _declared(form: Form, shapes: Mapping[str, Shape | None]) -> Iterator[tuple[str, Symbols, Shape]]:
+def _declared(form: ArrayForm, shapes: Mapping[str, Shape | None]) -> Iterator[tuple[str, Symbols, Shape]]:
     """Yield each array with the dimensions of the form and its shape, vectors flat; leave out what has another rank,
     which is refused when it is taken."""
     dropped = absent(form, shapes)
@@ -171,7 +171,7 @@ def _shown(shape: Shape) -> str:
     return "x".join(map(str, shape)) if len(shape) == 2 else f"{shape[0]} numbers"
 
 
-def absent(form: Form, shapes: Mapping[str, Shape | None]) -> set[str]:
+def absent(form: ArrayForm, shapes: Mapping[str, Shape | None]) -> set[str]:
     """Return the arrays without numbers, as MATLAB's [], that stand for parts that are not there: with all that belong
     together."""
 

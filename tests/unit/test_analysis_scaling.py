@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from synthetic_results import row, table
 
@@ -73,11 +72,8 @@ def test_an_exact_law_has_no_error() -> None:
     assert found["error"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_sizes_come_from_the_row_or_from_facts() -> None:
+def test_sizes_come_from_the_row() -> None:
     rows = rows_of.normalised(table(*_rows([3, 6], [1.0, 2.0])))
     assert sizes_of(rows, "nc").tolist() == [1.0, 2.0]
     assert np.isnan(sizes_of(rows, "nnz")).all()
-    facts = pd.DataFrame({"nnz": [9.0]}, index=["f-f0-0"])
-    assert sizes_of(rows, "nnz", facts)[0] == 9.0
-    assert math.isnan(sizes_of(rows, "nnz", facts)[1])
     assert scaling(rows, "nnz")["unsized"].tolist() == [2]

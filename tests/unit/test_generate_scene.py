@@ -89,7 +89,7 @@ def test_another_solver_moves_the_bodies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("towr"), "unknown scene 'towr': did you mean tower"),
+        (("towr",), "unknown scene 'towr': did you mean tower"),
         (("arch", "--size", "2"), "size: is 2: a scene arch has at least 3 stones"),
         (("tower", "--mu", "-1"), "mu: is -1, expected a number of at least 0"),
         (("tower", "-s", "no-such"), "unknown solver 'no-such'"),
@@ -113,6 +113,6 @@ def test_an_existing_file_is_kept(tmp_path: Path) -> None:
 
 def test_the_help_names_every_scene() -> None:
     assert scene.help is not None
-    listed = re.search(r"global form: (.*?)\.", scene.help, re.DOTALL)
+    listed = re.search(r"time stepping: (.*?)\.", scene.help, re.DOTALL)
     assert listed is not None
     assert sorted(" ".join(listed[1].split()).split(", ")) == sorted(families.names())

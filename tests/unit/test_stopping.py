@@ -27,6 +27,7 @@ from cpbench.testing.cases import Case
 from cpbench.testing.units import in_unit
 from cpbench.verification import judge
 from cpbench_adapters import siconos, siconos_families
+from cpbench_adapters.gams_mcp import path_settings
 from cpbench_adapters.qp_stopping import TESTS
 
 
@@ -222,6 +223,6 @@ def test_declared_defaults_are_the_packages_own(backend: str, package: str) -> N
 def test_an_option_file_of_gams_has_the_translated_tolerance() -> None:
     """PATH's own default is 1e-6; a tenth of ours is asked for, at most that."""
     path: Any = solvers.get("gams-path-micp")
-    options = path.settings(path.stopping(1e-8).settings, Budget())
+    options = path_settings(path.stopping(1e-8), Budget())
     assert options["convergence_tolerance"] == pytest.approx(1e-9, rel=1e-12)
-    assert path.settings(path.stopping(1e-2).settings, Budget())["convergence_tolerance"] == 1e-6
+    assert path_settings(path.stopping(1e-2), Budget())["convergence_tolerance"] == 1e-6
