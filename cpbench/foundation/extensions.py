@@ -65,13 +65,17 @@ def hook(name: str) -> Any:
 
 
 def summary(module: str) -> str:
-    """Return the first paragraph of a module's docstring; the module is not imported. '' where there is none."""
+    """Return the first paragraph of a module's docstring, '' where there is none; neither the module nor a package
+    above it is imported."""
     import ast
     from importlib.util import find_spec
     from pathlib import Path
 
-    place = find_spec(module)
-    if place is None or place.origin is None:
-        return ""
-    text = ast.get_docstring(ast.parse(Path(place.origin).read_text("utf-8"))) or ""
-    return " ".join(text.split("\n\n")[0].split())
+    package, *inner = module.split(".")
+    place = find_spec(package)  # that of a module within would import its package
+    above = [] if place is None else [Path(folder, *inner) for folder in place.submodule_search_locations or ()]
+    files = [file for path in above for file in (path.with_suffix(".py"), path / "__init__.py")]
+    if place is not None and place.origin is not None and not inner:
+        files = [Path(place.origin)]
+    text = next((file.read_text("utf-8") for file in files if file.is_file()), "")
+    return " ".join((ast.get_docstring(ast.parse(text)) or "").split("\n\n")[0].split())

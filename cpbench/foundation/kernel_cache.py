@@ -121,7 +121,7 @@ def _load(module: str) -> ModuleType:
             load(taken)
     with _one_at_a_time(directory / f"{module}.lock"):
         _drop_stale(module, directory)
-        if is_kept(module) and not is_compiled(module):
+        if not is_compiled(module) and is_kept(module):
             LOG.info("compiling %s", module)
         return importlib.import_module(module)
 

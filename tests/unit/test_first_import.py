@@ -62,7 +62,7 @@ ADAPTED = [s.spec.name for s in solvers if type(s).__module__.startswith(FOREIGN
 
 @pytest.mark.needs("cpbench_solvers")
 def test_there_are_solvers_to_watch() -> None:
-    assert min(len(NATIVE), len(ADAPTED)) > 20
+    assert min(len(NATIVE), len(ADAPTED)) > 25
 
 
 @pytest.mark.parametrize(

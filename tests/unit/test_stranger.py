@@ -82,6 +82,7 @@ def test_a_command_of_a_package_may_stand_in_a_group(site: Path, tmp_path: Path)
     assert "count" not in {line.split()[0] for line in _cpbench(site, tmp_path, "--help").stdout.splitlines() if line}
     assert "  count " in _cpbench(site, tmp_path, "results", "--help").stdout
     assert _cpbench(site, tmp_path, "results", "count", str(site / "three.h5")).stdout == "3\n"
+    assert _cpbench(site, tmp_path, "count", str(site / "three.h5")).returncode == 2
 
 
 def test_a_solver_of_a_package_runs_in_processes_of_its_own(site: Path, tmp_path: Path) -> None:
