@@ -8,7 +8,6 @@ A file is one of `frames`, its arrays aligned, so that compiled loops meet them 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ from cpbench.formulations.expressions import Map
 from cpbench.foundation import frames, matrices
 
 ALIGNED = 64
-LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 def write(problem: Problem, path: str | Path) -> None:
@@ -29,11 +27,10 @@ def write(problem: Problem, path: str | Path) -> None:
     data, maps = problem.data(), problem.maps()
     parts = {name: list(_arrays(matrix)) for name, matrix in data.items()}
     parts |= {name: list(F.arrays().values()) for name, F in maps.items()}
-    others = {f.name for f in dataclasses.fields(problem)} - data.keys() - maps.keys() - LEFT_BEHIND
     header = {
         "node": problem.node,
         "name": problem.name,
-        "fields": {name: getattr(problem, name) for name in sorted(others)},
+        "fields": problem.settings(),
         "shapes": {name: matrix.shape for name, matrix in data.items()},
         "inputs": {name: F.inputs for name, F in maps.items()},
     }

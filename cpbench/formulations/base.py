@@ -34,6 +34,10 @@ Term: TypeAlias = tuple[str, int, str, str]
 """Vector of the data, sign, matrix (`Aᵀ` for its transpose) and part of the answer: b, -1, A, z says b − Az."""
 
 
+ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
+"""Fields that say where a problem is from: no solver looks at them, and they are no part of its mathematics."""
+
+
 class Kind(StrEnum):
     """Promise of a conversion, or of a solver that drops a term; from the strongest to the weakest."""
 
@@ -343,6 +347,11 @@ class Problem(ABC):
     def maps(self) -> dict[str, Map]:
         """Return the nonlinear maps by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "map" in f.metadata}
+
+    def settings(self) -> dict[str, Any]:
+        """Return the fields that are neither numbers, maps nor annotations (dimension), in order of name."""
+        names = {f.name for f in fields(self)} - self.data().keys() - self.maps().keys() - ANNOTATIONS
+        return {name: getattr(self, name) for name in sorted(names)}
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -23,7 +23,7 @@ import h5py
 import numpy as np
 
 from cpbench.errors import ProblemError, UnknownName
-from cpbench.formulations.base import Info, Problem, counted, formulations
+from cpbench.formulations.base import ANNOTATIONS, Info, Problem, counted, formulations
 from cpbench.formulations.expressions import Map
 from cpbench.foundation import matrices
 from cpbench.storage import fclib
@@ -42,7 +42,6 @@ from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text
 
 VERSION = 1
 _PLACE = frozenset({"sequence", "contacts"})
-_ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
@@ -127,7 +126,7 @@ def _scalar_fields(cls: type[Problem]) -> list[str]:
     return [
         f.name
         for f in dataclasses.fields(cls)
-        if f.name not in _ANNOTATIONS and not {"shape", "map"} & f.metadata.keys()
+        if f.name not in ANNOTATIONS and not {"shape", "map"} & f.metadata.keys()
     ]
 
 

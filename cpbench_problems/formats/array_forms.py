@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, fields
 from functools import cache, cached_property
 
 from cpbench.errors import UnknownName
-from cpbench.formulations.base import Problem, formulations
+from cpbench.formulations.base import ANNOTATIONS, Problem, formulations
 
 Symbols = tuple[str, ...]
 
@@ -97,7 +97,6 @@ FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH, BOXED)
 
 _CONTAINED = {"relay": "avi"}
 """Formulations whose arrays have the names of a wider one, which is read instead: its bounds may be infinite."""
-_ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 @cache
@@ -105,7 +104,7 @@ def own(cls: type[Problem]) -> ArrayForm:
     """Return the form whose names are the fields of a formulation; its `build`, where it has one, says which may be
     left out."""
     declared = {f.name: f.metadata["shape"] for f in fields(cls) if "shape" in f.metadata}
-    plain = [f.name for f in fields(cls) if f.name not in _ANNOTATIONS and f.name not in declared]
+    plain = [f.name for f in fields(cls) if f.name not in ANNOTATIONS and f.name not in declared]
     parameters = inspect.signature(getattr(cls, "build", cls)).parameters
     needs = frozenset(name for name in declared if parameters[name].default is inspect.Parameter.empty)
     return ArrayForm(cls.node, cls.node, {**declared, **dict.fromkeys(plain, ())}, needs, own=True)

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 LARGEST = 10_000_000
 """Operations and constants a map may have; one of this size takes a minute to build."""
 
+LISTED = ("constants", "heads", "left", "right", "outputs")
+"""Arrays of a list of operations, in the order in which `Map` takes them."""
+
 Index = NDArray[np.int64]
 
 
@@ -54,11 +57,8 @@ class Map:
     named: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("constants", np.float64),
-            *((name, np.int64) for name in ("heads", "left", "right", "outputs")),
-        ):
-            array = np.array(getattr(self, name), dtype=dtype)
+        for name in LISTED:
+            array = np.array(getattr(self, name), dtype=np.float64 if name == "constants" else np.int64)
             if array.ndim != 1:
                 raise ProblemError(f"map.{name}", f"has shape {array.shape}, expected one dimension")
             object.__setattr__(self, name, freeze(array))
@@ -110,7 +110,7 @@ class Map:
         """Return the list of operations without `inputs`, in the order in which the constructor takes it, and without
         the names.
         """
-        return {name: getattr(self, name) for name in ("constants", "heads", "left", "right", "outputs")}
+        return {name: getattr(self, name) for name in LISTED}
 
     @cached_property
     def digest(self) -> bytes:

@@ -24,17 +24,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.errors import FormatError, ProblemError, UnknownName
-from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.formulations.base import ANNOTATIONS, Point, Problem, formulations
 from cpbench.formulations.exchange import Exchange, exchanges
-from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.derivatives import derivative
+from cpbench.formulations.expressions.map import LISTED, Map
 from cpbench.foundation import matrices
 from cpbench.storage.arrays import SPARSE, read_npy, sparse_from_parts
 from cpbench.storage.base import build
 
 HEADER = "problem.json"
-_LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
-_MAP_PARTS = ("inputs", "constants", "heads", "left", "right", "outputs")
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -96,10 +94,7 @@ class NpyFolder(Exchange):
 
 def _header(problem: Problem) -> bytes:
     """Return problem.json: node, name, and the fields of the node that are neither arrays nor maps."""
-    names = {f.name for f in dataclasses.fields(problem)}
-    plain = names - problem.data().keys() - problem.maps().keys() - _LEFT_BEHIND
-    header = {"node": problem.node, "name": problem.name}
-    return json.dumps(header | {name: getattr(problem, name) for name in sorted(plain)}).encode()
+    return json.dumps({"node": problem.node, "name": problem.name, **problem.settings()}).encode()
 
 
 def _described(path: Path) -> tuple[type[Problem], dict[str, Any]]:
@@ -112,7 +107,7 @@ def _described(path: Path) -> tuple[type[Problem], dict[str, Any]]:
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError, UnknownName) as cause:
         raise FormatError(path, HEADER, f"names no problem ({type(cause).__name__}: {cause})") from None
     plain = {f.name for f in dataclasses.fields(cls) if not {"shape", "map"} & f.metadata.keys()}
-    unknown = header.keys() - (plain - _LEFT_BEHIND)
+    unknown = header.keys() - (plain - ANNOTATIONS)
     if unknown:
         raise FormatError(path, HEADER, f"has {', '.join(sorted(unknown))}, which {cls.node} has not")
     return cls, {"name": name, **header}
@@ -123,7 +118,7 @@ def _operations(name: str, F: Map) -> Arrays:
 
 
 def _read_map(path: Path, name: str) -> Map:
-    files = [f"{name}.{part}" for part in _MAP_PARTS]
+    files = [f"{name}.{part}" for part in ("inputs", *LISTED)]
     arrays = _read(path, files)
     for file in files:
         if file not in arrays:
