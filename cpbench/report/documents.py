@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import bootstrap, certainty, pairwise, profiles, summary
-from cpbench.analysis import table as rows_of
+from cpbench.analysis import bootstrap, certainty, pairwise, summary
 from cpbench.analysis.participation import unreached_lines
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.ranking_order import LEVEL
@@ -95,9 +94,7 @@ def context(run: Run, title: str) -> dict[str, Any]:
 
 def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
     ranking = next((one for one in run.rankings if one.group == group), None)
-    compared = rows_of.only_ranked(rows)
-    times = rows_of.times(compared)
-    profile = profiles.performance_profile(times, lost=rows_of.lost(compared))
+    times, profile = run.compared[group].times, run.compared[group].profile
     found = tables.of_group(run, group, rows, ranking)
     problems = rows["fingerprint"].nunique()
     sizes = [
@@ -112,6 +109,6 @@ def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
         sizes=", ".join(sizes),
         tables=found,
         swapped=pairwise.reversals(times, profile.leading(figures.EMPHASISED)) if profile.compares else [],
-        matrix=(matrix(rows, order), legend(rows)) if problems <= MATRIX_PROBLEMS else ("", ""),
+        matrix=(matrix(rows, order, times), legend(rows)) if problems <= MATRIX_PROBLEMS else ("", ""),
         beside=BESIDE.get(group.node, ""),
     )

@@ -35,12 +35,12 @@ FASTEST = "*"
 BLANK = " "
 
 
-def matrix(group: pd.DataFrame, labels: Sequence[str]) -> str:
+def matrix(group: pd.DataFrame, labels: Sequence[str], times: pd.DataFrame) -> str:
     """Format a line a problem, a column a label in the given order; the labels stand on a staircase above their
-    columns.
+    columns. `times` : of the solvers that are ranked (`run.ComparedTimes`).
     """
     status = rows_of.pivot(group, "status", "")
-    ranked = fastest(rows_of.times(rows_of.only_ranked(group)))
+    ranked = fastest(times)
     lead = ranked.reindex(index=status.index, columns=status.columns, fill_value=False)
     names = dict(zip(group["fingerprint"], rows_of.problem_names(group), strict=True))
     stairs = ["│ " * k + "┌ " + one_line(label) for k, label in enumerate(labels)]

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.profiles import Profile, performance_profile
+from cpbench.analysis.profiles import Profile
 from cpbench.analysis.ranking import Ranking
 from cpbench.report import legend
 from cpbench.report.figures import INEXACT, STYLE, frame, marked, right_end, save
-from cpbench.report.run import Run
+from cpbench.report.run import ComparedTimes, Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +47,7 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
     solved something that they could be compared on.
     """
     rows = dict(run.parts)
-    panels = [panel for r in chosen(rankings) if (panel := _panel(r, rows[r.group])) is not None]
+    panels = [panel for r in chosen(rankings) if (panel := _panel(r, rows[r.group], run.compared[r.group])) is not None]
     if not panels:
         return "", ""
     save(overview_figure(panels, run.looks), run.folder, NAME)
@@ -68,13 +68,9 @@ def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
     return [r for r in rankings if r in most]
 
 
-def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
-    compared = rows_of.only_ranked(rows)
-    times = rows_of.times(compared)
-    if not len(times.columns):
-        return None
-    profile = performance_profile(times, lost=rows_of.lost(compared))
-    if not profile.compares:
+def _panel(ranking: Ranking, rows: pd.DataFrame, compared: ComparedTimes) -> Panel | None:
+    profile = compared.profile
+    if not (len(compared.times.columns) and profile.compares):
         return None
     leading = profile.leading(NAMED)
     named = tuple(row.solver for row in ranking.rows if row.solver in leading)

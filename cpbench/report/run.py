@@ -18,12 +18,31 @@ from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
 from cpbench.analysis.participation import participating, restricted, without
+from cpbench.analysis.profiles import Profile, performance_profile
 from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
 from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain, solve_command
 from cpbench.verification import Status
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedTimes:
+    """The times of the solvers of a formulation that are ranked.
+
+    Attributes
+    ----------
+    times : problems × labels [s], ∞ for a failure. lost : where the answer was lost on its way back.
+    """
+
+    times: pd.DataFrame
+    lost: pd.DataFrame
+
+    @cached_property
+    def profile(self) -> Profile:
+        """Their performance profile."""
+        return performance_profile(self.times, lost=self.lost)
 
 
 class ProblemOrigin(NamedTuple):
@@ -100,6 +119,12 @@ class Run:
     def parts(self) -> list[tuple[ResultGroup, pd.DataFrame]]:
         """The groups, each with the rows of the solvers that took part."""
         return [(group, participating(rows)) for group, rows in rows_of.groups(self.rows)]
+
+    @cached_property
+    def compared(self) -> dict[ResultGroup, ComparedTimes]:
+        """The times of each group that its tables, its profile and the page are of."""
+        ranked = {group: rows_of.only_ranked(rows) for group, rows in self.parts}
+        return {group: ComparedTimes(rows_of.times(rows), rows_of.lost(rows)) for group, rows in ranked.items()}
 
     @cached_property
     def timed(self) -> pd.DataFrame:

@@ -27,11 +27,10 @@ from cpbench.analysis import (
 )
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.failures import Reason
-from cpbench.analysis.profiles import performance_profile
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.table import CONTRADICTED, ResultGroup
 from cpbench.report.legend import EMPHASISED
-from cpbench.report.run import ProblemOrigin, Run
+from cpbench.report.run import ComparedTimes, ProblemOrigin, Run
 from cpbench.report.templating import Table
 from cpbench.report.text import cut, number, seconds
 from cpbench.verification import BESIDE, Status
@@ -75,7 +74,7 @@ def of_group(run: Run, group: ResultGroup, rows: pd.DataFrame, ranking: Ranking 
     order = [row.solver for row in solvers]
     return {
         "ranking": ranking_table(solvers),
-        "times": _times(rows, order),
+        "times": _times(rows, order, run.compared[group]),
         "verdicts": _verdicts(rows, order),
         "beside": _beside(group, rows, order),
         "families": _families(rows),
@@ -328,14 +327,13 @@ def _origins(run: Run) -> Table:
     return Table.of(forms, lines)
 
 
-def _times(rows: pd.DataFrame, order: Sequence[str]) -> Table:
+def _times(rows: pd.DataFrame, order: Sequence[str], compared: ComparedTimes) -> Table:
     """Return the times of the solvers that solve something: quantiles, means with what they hang on, and the distance
     to the virtual best."""
-    compared = rows_of.only_ranked(rows)
-    times, lost, limit = rows_of.times(compared), rows_of.lost(compared), rows_of.limit(rows)
+    times, lost, limit = compared.times, compared.lost, rows_of.limit(rows)
     if not np.isfinite(times.to_numpy(dtype=float)).any():
         return Table.of({"solver": "code"}, [])
-    leading = performance_profile(times, lost=lost).leading(EMPHASISED)
+    leading = compared.profile.leading(EMPHASISED)
     every = means.means(times, limit=limit, lost=lost)
     common = means.means(times, shift=every.shift, limit=limit, common=leading)
     around = bootstrap.intervals(
