@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,6 +30,17 @@ from cpbench.foundation.matrices import Dense, Vector
 
 INTERVAL = np.array([[1.0, -1.0]])
 """The two directions of the plane."""
+
+
+@dataclass(frozen=True)
+class FacetKnobs:
+    """The knobs of an edge with a polygon of `facets` vertices or sides, the first at `angle` [rad], for each disk."""
+
+    facets: int = 8
+    angle: float = 0.0
+
+    def obstacle(self, problem: Any) -> str | None:
+        return obstacle(problem, self.facets, self.angle)
 
 
 class PolygonEdge(Conversion):
@@ -71,6 +83,15 @@ class PolygonEdge(Conversion):
             columns.append(coordinates(tangential[:, own], D, coefficient * normal))
             columns.append(np.maximum((-velocity[:, 1:][:, own] @ D).max(axis=1, initial=0.0), 0.0))
         return LCPPoint(z=np.column_stack(columns).ravel())
+
+
+class InscribedEdge(FacetKnobs, PolygonEdge):
+    """Base of the edges by inscribed polygons, whose vertices are on the circle."""
+
+    @property
+    def vertices(self) -> Dense:
+        """d_i as columns, shape (2, ν)."""
+        return directions(self.facets, self.angle)
 
 
 def _friction(problem: LocalContact) -> dict[str, Vector]:

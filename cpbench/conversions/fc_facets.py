@@ -1,4 +1,4 @@
-"""Conversions of fc_facets."""
+"""Conversions of fc where its cone is a polyhedron: in the plane, without friction, and by facets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from cpbench.conversions import facets as polygon
 from cpbench.conversions.base import Conversion, Size, edge
 from cpbench.conversions.congruence import Congruence, repeat
-from cpbench.conversions.facets import INTERVAL, PolygonEdge
+from cpbench.conversions.facets import INTERVAL, FacetKnobs, InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -131,7 +131,7 @@ class FCtoLCPFrictionless(Conversion):
 
 
 @edge("fc-lcp-inner", equation="(47)-(48)", kind=Kind.APPROXIMATE, cost=4.0)
-class FCtoLCPInner(PolygonEdge):
+class FCtoLCPInner(InscribedEdge):
     """Frictional contact → LCP by an inscribed polygon, inner facets (equations (47)-(48)).
 
     Source  u = Wr + q, Coulomb's law with the disk of radius μ r_N.
@@ -144,20 +144,9 @@ class FCtoLCPInner(PolygonEdge):
     `facets` vertices on the circle, the first at `angle` [rad]. Trace: `W`, `q`, `mu`, for `push`.
     """
 
-    facets: int = 8
-    angle: float = 0.0
-
-    @property
-    def vertices(self) -> Dense:
-        """d_i as columns, shape (2, ν)."""
-        return polygon.directions(self.facets, self.angle)
-
-    def obstacle(self, problem: FrictionContact) -> str | None:
-        return polygon.obstacle(problem, self.facets, self.angle)
-
 
 @edge("fc-lcp-outer", equation="(42)-(48)", kind=Kind.APPROXIMATE, cost=4.0)
-class FCtoLCPOuter(PolygonEdge):
+class FCtoLCPOuter(FacetKnobs, PolygonEdge):
     """Frictional contact → LCP by a circumscribed polygon, outer facets given by their vertices ((42)-(48)).
 
     Source  u = Wr + q, Coulomb's law with the disk of radius μ r_N.
@@ -170,21 +159,15 @@ class FCtoLCPOuter(PolygonEdge):
     `facets` sides, the first touching the circle at `angle` [rad]. Trace: `W`, `q`, `mu`, for `push`.
     """
 
-    facets: int = 8
-    angle: float = 0.0
-
     @property
     def vertices(self) -> Dense:
         """d_i as columns, shape (2, ν)."""
         half = math.pi / self.facets
         return polygon.directions(self.facets, self.angle + half) / math.cos(half)
 
-    def obstacle(self, problem: FrictionContact) -> str | None:
-        return polygon.obstacle(problem, self.facets, self.angle)
-
 
 @edge("fc-mlcp-outer", equation="(42)-(46)", kind=Kind.APPROXIMATE, cost=4.0)
-class FCtoMLCPOuter(Conversion):
+class FCtoMLCPOuter(FacetKnobs, Conversion):
     """Frictional contact → MLCP by a circumscribed polygon, outer facets given by their sides (equations (42)-(46)).
 
     Source  u = Wr + q, Coulomb's law with the disk of radius μ r_N.
@@ -196,16 +179,10 @@ class FCtoMLCPOuter(Conversion):
     `facets` sides, the first touching the circle at `angle` [rad]. Trace: `W`, `q`, `mu`, for `push`.
     """
 
-    facets: int = 8
-    angle: float = 0.0
-
     @property
     def normals(self) -> Dense:
         """c_i as columns, shape (2, ν)."""
         return polygon.directions(self.facets, self.angle)
-
-    def obstacle(self, problem: FrictionContact) -> str | None:
-        return polygon.obstacle(problem, self.facets, self.angle)
 
     def apply(self, problem: FrictionContact) -> tuple[MLCP, Trace]:
         self.require(problem)

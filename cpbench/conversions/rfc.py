@@ -5,7 +5,7 @@ from __future__ import annotations
 from cpbench.conversions import facets as polygon
 from cpbench.conversions.base import edge
 from cpbench.conversions.contact_laws import FrozenConeQP, OverCones
-from cpbench.conversions.facets import INTERVAL, PolygonEdge
+from cpbench.conversions.facets import INTERVAL, InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.matrices import Dense
@@ -68,7 +68,7 @@ class RFCtoLCP2D(PolygonEdge):
 
 
 @edge("rfc-lcp-facets", equation="(47)-(48), rolling", kind=Kind.APPROXIMATE, cost=4.0)
-class RFCtoLCPFacets(PolygonEdge):
+class RFCtoLCPFacets(InscribedEdge):
     """Rolling frictional contact → LCP by inscribed polygons for forces and moments.
 
     Source  u = Wr + q, rolling contact law with disks of radius μ r_N and μ_r r_N.
@@ -81,14 +81,6 @@ class RFCtoLCPFacets(PolygonEdge):
 
     `facets` vertices on both circles, the first at `angle` [rad]. Trace: `W`, `q`, `mu`, `mu_r`, for `push`.
     """
-
-    facets: int = 8
-    angle: float = 0.0
-
-    @property
-    def vertices(self) -> Dense:
-        """d_i as columns, shape (2, ν)."""
-        return polygon.directions(self.facets, self.angle)
 
     def obstacle(self, problem: RollingFrictionContact) -> str | None:
         wrong = polygon.wrong_knobs(self.facets, self.angle)
