@@ -25,7 +25,7 @@ OF_RUNS, OF_PROBLEMS = "runs", "problems"
 RUN_OPTIONS = ("node", "solvers", "families", "tolerance", "only", "publishable")
 """Parameters that figures of runs share."""
 SETTINGS = ("start", "set", "measure", "threads")
-"""What --only chooses by."""
+"""Columns by which --only chooses."""
 
 
 def packages() -> dict[str, str]:

@@ -182,7 +182,10 @@ def _require_near(file: plan_file.PlanFile, given: Mapping[str, Any]) -> None:
     """Raise CpbenchError where a plan decides to write outside its own folder and the current one: a plan of somebody
     else must not choose where files go."""
     folders = (file.path.resolve().parent, Path.cwd().resolve())
-    for key, flag in (("output", "-o"), ("report", "--report")):
+    for key, instead in (
+        ("output", "say it on the command line: -o"),
+        ("report", "leave it out, and run cpbench report RESULTS -o"),
+    ):
         value = file.top.get(key)
         if not value or key in given:
             continue
@@ -190,5 +193,5 @@ def _require_near(file: plan_file.PlanFile, given: Mapping[str, Any]) -> None:
         if not any(target.is_relative_to(folder) for folder in folders):
             raise CpbenchError(
                 f"{file.path}: {key} = '{value}' is outside the folder of the plan and the current one; if that is "
-                f"meant, say it on the command line: {flag} {value}"
+                f"meant, {instead} {value}"
             )

@@ -7,13 +7,11 @@ are no other rows. Its description says which (`cpbench lcp: ...`); what a model
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.storage.base import read_bytes, read_head
 from cpbench_problems.formats.model_problem import problem_of
-from cpbench_problems.formats.mof_json import parse
 from cpbench_problems.formats.mof_model import read_model
 
 MARK = "cpbench "
@@ -34,11 +32,6 @@ def read(path: Path) -> Problem:
     # names in a file of cpbench are those of the parts of its own formulations
     names = () if description.startswith(MARK) else model.names
     return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}", names=names)
-
-
-def load_json(path: Path) -> dict[str, Any]:
-    """Read the JSON object in a file; raises FormatError."""
-    return parse(_content(path), path)
 
 
 def _content(path: Path) -> bytes:

@@ -206,7 +206,7 @@ def test_what_is_run_again(folder: Path) -> None:
         (["p2.h5", "--where", "contacts > 3"], "unknown fact 'contacts'"),
         (["p2.h5", "--where", "n > 3"], "none of 1 problems is what the plan selects"),
         (["p2.h5", "--shard", "5/4"], "'5/4' is no shard; write 1/4 to 4/4"),
-        (["p2.h5", "-t", "1e-4,small"], "'small' is no number"),
+        (["p2.h5", "-t", "1e-4,small"], "1e-4,1e-6"),
         (["p2.h5", "-t", "1e-4,-1"], "'--tolerance': the tolerance -1 is not positive"),
         (["p2.h5", "--timeout", "3 parsecs"], "10s, 5m, 2h or none"),
         (["p2.h5", "--fail-on", "wrong,crashed"], "did you mean crash"),

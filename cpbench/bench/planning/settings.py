@@ -20,7 +20,7 @@ from cpbench.verification import CONTRADICTION, Status
 
 TEXT, DURATION, SIZE, COUNT, NUMBERS = "TEXT", "DURATION", "SIZE", "NUMBER", "NUMBERS"
 NUMERIC = (COUNT, NUMBERS)
-"""What stands for the value of an option, and which of them are numbers."""
+"""Words for the value of an option, and those that are numbers."""
 _TYPES = {str: "text", bool: "truth value", int: "number", float: "number", list: "list", tuple: "list", dict: "table"}
 
 
@@ -44,7 +44,7 @@ class PlanValue:
 
     def from_texts(self, texts: Sequence[str]) -> Any:
         """Return the value of the texts of an option; raises CpbenchError."""
-        values = [_number(text) if self.metavar in NUMERIC else text for text in texts]
+        values = [_number(text, self.many) if self.metavar in NUMERIC else text for text in texts]
         return self.read(values if self.many else values[0])
 
     def default_text(self) -> str:
@@ -79,14 +79,14 @@ def settings_of(plan: type[Any]) -> dict[str, PlanValue]:
     return {f.name: f.metadata["setting"] for f in dataclasses.fields(plan) if f.metadata}
 
 
-def _number(text: str) -> Any:
-    """Return the number that a text is; raises CpbenchError."""
+def _number(text: str, many: bool) -> Any:
+    """Return the number that a text is; raises CpbenchError, which says how `many` are written."""
     for kind in (int, float):
         try:
             return kind(text)
         except ValueError:
             continue
-    raise CpbenchError(f"'{text}' is no number")
+    raise CpbenchError(f"'{text}' is no number" + ("; write 1e-6 or 1e-4,1e-6" if many else ""))
 
 
 def _wrong(value: Any, expected: str) -> CpbenchError:
