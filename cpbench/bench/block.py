@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 from cpbench.bench.events import EventHandler, Solving, ignore_event
 from cpbench.bench.messages import Prepared
-from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
 from cpbench.storage.base import SEPARATOR, split_address
@@ -37,8 +37,9 @@ class Block:
     known: Mapping[str, Ending] = field(default_factory=dict)
 
     @property
-    def solvers(self) -> list[str]:
-        return sorted({pair.entry.solver for pair in self.pairs})
+    def limits(self) -> dict[str, Limits]:
+        """Limits of each solver, those of its first pair."""
+        return {pair.entry.solver: pair.limits for pair in reversed(self.pairs)}
 
     @property
     def chained(self) -> bool:
@@ -116,18 +117,12 @@ def block_name(pair: Pair) -> str:
 
 
 def run(slot: Slot, block: Block, on_event: EventHandler = ignore_event) -> Iterator[tuple[Pair, Outcome]]:
-    """Yield the outcome of every pair of the block in turn. A worker is started, and waited for, before the first pair
-    that needs it.
-    """
-    started = set[str]()
+    """Yield the outcome of every pair of the block in turn, when all workers have started."""
+    slot.start(block.limits, on_event)
     prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
     endings: dict[str, Ending] = dict(block.known)
     held: tuple[str, str | None] = ("", None)
     for pair in block.pairs:
-        name = pair.entry.solver
-        if name not in started:
-            slot.start([name], pair.limits, on_event)
-            started.add(name)
         if (pair.address, pair.format) != held:  # the referee holds one problem
             held, prepared = (pair.address, pair.format), {}
         where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)

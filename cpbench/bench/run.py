@@ -235,9 +235,8 @@ class LocalExecutor:
     def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
         if len(self._slots) > 1:
             return _side_by_side(self._slots, todo, on_event)
-        slot, first = self._slots[0], todo[0].pairs[0]
-        slot.workers.begin(first.entry.solver, first.limits.memory)
-        slot.start([first.entry.solver], first.limits, on_event)  # or it would disturb the reference
+        slot = self._slots[0]
+        slot.start(todo[0].limits, on_event)  # or it would disturb the reference
         return (ended for block in todo for ended in blocks.run(slot, block, on_event))
 
 

@@ -12,7 +12,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -106,14 +106,18 @@ class Slot:
             raise Unread(f"{address}: {reason(reply)}")
         return reply
 
-    def start(self, names: Iterable[str], limits: Limits, on_event: EventHandler = ignore_event) -> None:
-        """Start workers and wait until all have warmed up, so that none disturbs a measurement.
+    def start(self, wanted: Mapping[str, Limits], on_event: EventHandler = ignore_event) -> None:
+        """Start workers, as many side by side as there are cores, and wait until all have warmed up, so that none
+        disturbs a measurement.
 
-        limits : of the solves to come.
+        wanted : limits of the solves to come, by solver.
         """
-        for name in names:
-            if not self.workers.ready(name, limits.memory):
-                on_event(Starting(name))
+        missing = [name for name, limits in wanted.items() if not self.workers.ready(name, limits.memory)]
+        for at, name in enumerate(missing):
+            on_event(Starting(name))
+            for beside in missing[at : at + (os.cpu_count() or 1)]:
+                self.workers.begin(beside, wanted[beside].memory)
+            limits = wanted[name]
             on_compiling = lambda name=name: on_event(Compiling(name))  # noqa: E731
             self.workers.get(name, limits.memory, limits.seconds, on_compiling)
 

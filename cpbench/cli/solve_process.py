@@ -245,7 +245,7 @@ def solve_apart(asked: SolveRequest, on_compiling: Callable[[str], None]) -> dic
             if isinstance(event, Compiling):
                 on_compiling(event.solver)
 
-        slot.start([pair.entry.solver], limits, on_event)
+        slot.start({pair.entry.solver: limits}, on_event)
         outcome = slot.run(pair, prepared)
     answered = Answered(address_text(address), pair.problem, pair.node, pair.label, pair.tolerance, outcome)
     if outcome.answer is not None:

@@ -324,7 +324,7 @@ def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     prepared = slot.prepare(pair)
-    slot.start(["lemke"], LIMITS)
+    slot.start({"lemke": LIMITS})
     monkeypatch.setattr(slots, "LOAD", replace(slots.LOAD, floor=0.3))
     quick = replace(pair, limits=replace(LIMITS, seconds=0.2))
     row = slot.run(quick, replace(prepared, path=str(_hanging(tmp_path / "hanging.h5"))))
