@@ -26,7 +26,7 @@ import pandas as pd
 from cpbench import storage
 from cpbench.api.results import Results
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense, dense
 from cpbench_problems.generators.lcp_classics import fathi, murty
 from cpbench_problems.scenes import simulation as scenes

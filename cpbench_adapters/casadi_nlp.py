@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.nlp import NLP
+from cpbench.formulations.programs import NLP
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping, no_looser
 from cpbench_adapters.casadi_guest import CITATION, INSTALL, LICENCE, too_large

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
 from cpbench.solvers.shared.polish import polish
 from cpbench.solvers.stopping import Stopping

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench_adapters.cone_program import ConeProgram, cone_program, obstacle

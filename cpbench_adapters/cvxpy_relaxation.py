@@ -23,7 +23,7 @@ import numpy as np
 
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.solvers.base import (
     Budget,

@@ -30,8 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint, LocalContact
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Law, RollingCoulomb
 from cpbench.foundation.matrices import Vector

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.base import (

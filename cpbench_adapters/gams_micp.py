@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.errors import Unavailable
-from cpbench.formulations.micp import MiCP, MiCPPoint
+from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.solvers.base import (
     Availability,
     Budget,

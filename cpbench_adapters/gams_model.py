@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cpbench.formulations.expressions import Map, Operator
-from cpbench.formulations.micp import MiCP
+from cpbench.formulations.nonlinear import MiCP
 from cpbench.foundation.matrices import Vector
 
 LONGEST = 4_000_000

@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.errors import NotApplicable
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.nlp import NLP, NLPPoint
+from cpbench.formulations.programs import NLP, NLPPoint
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping
 from cpbench_adapters import pinocchio_contacts

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.errors import CpbenchError
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, package_version

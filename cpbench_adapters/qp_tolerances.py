@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.solvers.base import Budget
 from cpbench.solvers.stopping import Stopping, no_looser
 from cpbench_adapters.qp_stopping import ABSOLUTE, TESTS, excess

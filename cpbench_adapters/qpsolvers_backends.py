@@ -10,7 +10,7 @@ from typing import Any
 
 import scipy.sparse as sp
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, solvers
 from cpbench_adapters.qp_backend import QPSolversBackend
 from cpbench_adapters.qp_standard_form import StandardForm

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.nlp import NLP, NLPPoint
+from cpbench.formulations.programs import NLP, NLPPoint
 from cpbench.solvers.base import (
     Budget,
     Claim,

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.base import scaled
-from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.nonlinear import Equation, EquationPoint
 from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import (
     Budget,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping
 from cpbench_adapters.cone_program import ConeProgram

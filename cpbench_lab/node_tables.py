@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.formulations.node_table import NodeTable
+from cpbench.registry import NodeTable
 
 
 def node_tables() -> tuple[NodeTable[Any], ...]:

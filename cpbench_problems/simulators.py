@@ -16,7 +16,7 @@ import numpy as np
 
 from cpbench.errors import ProblemError, Unavailable
 from cpbench.formulations.base import Contacts
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.plurals import counted
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.errors import PointError, ProblemError
-from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.base import Contacts, Point, Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.local_contact import AnisotropicFrictionContact
 from cpbench.foundation.matrices import Dense, Vector, norm
 
 

@@ -12,8 +12,8 @@ import scipy.sparse as sp
 
 from cpbench.errors import ProblemError, Unavailable
 from cpbench.formulations.base import Info, Problem
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.qp import QP
+from cpbench.formulations.conic import ConeQP
+from cpbench.formulations.programs import QP
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage.program_properties import OFFSET, SENSE
 

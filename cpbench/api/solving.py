@@ -14,7 +14,7 @@ from cpbench.bench.planning.nearest import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
-from cpbench.formulations.nlp import NLP
+from cpbench.formulations.programs import NLP
 from cpbench.foundation import brackets
 from cpbench.foundation.plurals import some_of
 from cpbench.graph import EXACT

@@ -26,13 +26,12 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 
 from cpbench.errors import PointError
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.nlp import NLP
+from cpbench.formulations.conic import ConeQP
+from cpbench.formulations.linear import AVI
 from cpbench.formulations.primal import Primal
-from cpbench.formulations.qp import QP
-from cpbench.formulations.vi import VI
+from cpbench.formulations.programs import NLP, QP
+from cpbench.formulations.variational import VI
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Vector
 from cpbench.foundation.product_cones import Cone

@@ -18,7 +18,7 @@ from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.nlp import NLP, Convexity
+from cpbench.formulations.programs import NLP, Convexity
 from cpbench.generators.collection import address_text
 from cpbench.proofs import prove
 from cpbench.proofs.polyhedra import objective

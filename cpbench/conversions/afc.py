@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.conversions.base import Conversion, edge
-from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import AnisotropicFrictionContact, FrictionContact
 from cpbench.foundation import matrices
 
 

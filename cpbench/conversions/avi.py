@@ -8,12 +8,10 @@ from cpbench.conversions import kkt, nonlinear
 from cpbench.conversions.base import Conversion, SameUnknowns, edge
 from cpbench.conversions.bounds import FromBounds
 from cpbench.conversions.qualification import WhereConvex
-from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.formulations.qp import QP, QPPoint
-from cpbench.formulations.relay import Relay
-from cpbench.formulations.vi import VI
+from cpbench.formulations.linear import AVI, MLCP, AVIPoint, MLCPPoint, Relay
+from cpbench.formulations.programs import QP, QPPoint
+from cpbench.formulations.variational import VI
 from cpbench.foundation import matrices
 
 

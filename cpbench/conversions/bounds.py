@@ -14,10 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.conversions.base import Conversion
-from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Trace, formulations
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, LCP, AVIPoint, LCPPoint, Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 

@@ -8,9 +8,7 @@ from cpbench.conversions import qualification
 from cpbench.conversions.base import Conversion, edge
 from cpbench.conversions.qualification import indefinite
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.formulations.conic import SOCLCP, ConeQP, ConeQPPoint, SOCLCPPoint, cone_fields
 from cpbench.foundation import matrices
 from cpbench.foundation.product_cones import Cone, ProductCone
 

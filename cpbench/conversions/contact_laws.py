@@ -17,12 +17,11 @@ import numpy as np
 from cpbench.conversions import bounds
 from cpbench.conversions.base import Conversion
 from cpbench.formulations.base import Kind, Problem, Trace, formulations
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.conic import ConeQP, ConeQPPoint, cone_fields
 from cpbench.formulations.contact import ContactProblem, FCPoint, LocalContact
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder, either, less, product, recorded, where
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Vector, max_abs, power_of_two
 from cpbench.foundation.product_cones import Cone, ProductCone

@@ -5,10 +5,8 @@ from __future__ import annotations
 from cpbench.conversions import nonlinear
 from cpbench.conversions.base import SameUnknowns, edge
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.cp import CP
-from cpbench.formulations.soclcp import SOCLCP
-from cpbench.formulations.vi import VI
+from cpbench.formulations.conic import CP, SOCLCP, cone_fields
+from cpbench.formulations.variational import VI
 
 
 @edge("cp-soclcp", equation="(17)", kind=Kind.EQUIVALENT, cost=1.0)

@@ -23,9 +23,8 @@ from cpbench.conversions.base import Conversion, Size
 from cpbench.conversions.congruence import Congruence
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint, LocalContact
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.linear import LCP, LCPPoint
+from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 
 INTERVAL = np.array([[1.0, -1.0]])

@@ -12,15 +12,13 @@ from cpbench.conversions import contact_laws
 from cpbench.conversions.base import Conversion, SameUnknowns, edge
 from cpbench.conversions.contact_laws import Frozen, FrozenConeQP, InUnits, OverCones, ToConeQP, Units
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.conic import SOCLCP, ConeQP, cone_fields
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.qvi import QVI
-from cpbench.formulations.soclcp import SOCLCP
+from cpbench.formulations.local_contact import FrictionContact
+from cpbench.formulations.nonlinear import MiCP, MiCPPoint
+from cpbench.formulations.variational import QVI
 from cpbench.foundation.matrices import Dense, Vector, max_abs, with_diagonal
 from cpbench.foundation.product_cones import Cone, ProductCone
 

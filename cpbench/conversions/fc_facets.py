@@ -13,9 +13,8 @@ from cpbench.conversions.congruence import Congruence, repeat
 from cpbench.conversions.facets import INTERVAL, FacetKnobs, InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix
 from cpbench.foundation.plurals import counted

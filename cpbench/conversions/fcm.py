@@ -9,8 +9,7 @@ from cpbench.conversions.base import Size, edge
 from cpbench.conversions.elimination import Elimination
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
+from cpbench.formulations.local_contact import FCMPoint, FrictionContact, MixedFrictionContact
 from cpbench.foundation import matrices
 
 PSEUDO_INVERSE_LIMIT = 2000

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from cpbench.conversions import nonlinear
 from cpbench.conversions.base import SameUnknowns, edge
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.ge import GE
-from cpbench.formulations.micp import MiCP
-from cpbench.formulations.vi import VI
+from cpbench.formulations.linear import AVI
+from cpbench.formulations.nonlinear import MiCP
+from cpbench.formulations.variational import GE, VI
 
 
 @edge("ge-avi", equation="(27) → (22)", kind=Kind.EQUIVALENT, cost=1.0)

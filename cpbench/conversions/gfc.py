@@ -11,17 +11,18 @@ from cpbench.conversions.base import Conversion, SameUnknowns, Size, edge
 from cpbench.conversions.contact_laws import Frozen
 from cpbench.conversions.elimination import Elimination
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.expressions.recording import product, recorded
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.formulations.grfc import GlobalRollingFrictionContact
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.formulations.nfc import NonlinearFrictionContact
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.global_contact import (
+    GFCPoint,
+    GlobalContact,
+    GlobalFrictionContact,
+    GlobalRollingFrictionContact,
+    NonlinearFrictionContact,
+)
+from cpbench.formulations.linear import MLCP, MLCPPoint
+from cpbench.formulations.local_contact import FCMPoint, FrictionContact, MixedFrictionContact, RollingFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.plurals import counted

@@ -14,10 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Trace
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.qp import QP
+from cpbench.formulations.linear import AVI, MLCP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 

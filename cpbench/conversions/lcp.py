@@ -7,12 +7,10 @@ import numpy as np
 from cpbench.conversions import nonlinear
 from cpbench.conversions.base import Conversion, SameUnknowns, edge
 from cpbench.conversions.qualification import WhereConvex
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.ncp import NCP
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.linear import AVI, LCP, MLCP, LCPPoint
+from cpbench.formulations.nonlinear import NCP
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
 
 

@@ -12,15 +12,13 @@ import scipy.sparse as sp
 
 from cpbench.conversions import bounds, nonlinear
 from cpbench.conversions.base import Conversion, SameUnknowns, edge
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder, maximum, minimum
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import AVI, MLCP, MLCPPoint
 from cpbench.formulations.ncp_functions import symbolic_fischer_burmeister
-from cpbench.formulations.vi import VI
+from cpbench.formulations.nonlinear import Equation, EquationPoint, MiCP, MiCPPoint
+from cpbench.formulations.variational import VI
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Matrix, Vector

@@ -15,9 +15,8 @@ from cpbench.conversions.base import Conversion, Size, edge
 from cpbench.conversions.bounds import amplification
 from cpbench.conversions.elimination import Elimination
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
+from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector
 

@@ -7,9 +7,8 @@ import numpy as np
 from cpbench.conversions import nonlinear
 from cpbench.conversions.base import SameUnknowns, edge
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.micp import MiCP
-from cpbench.formulations.ncp import NCP
+from cpbench.formulations.linear import LCP
+from cpbench.formulations.nonlinear import NCP, MiCP
 
 
 @edge("ncp-lcp", equation="(19) → (13)", kind=Kind.EQUIVALENT, cost=1.0)

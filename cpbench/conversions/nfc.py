@@ -6,8 +6,7 @@ import numpy as np
 
 from cpbench.conversions.base import SameUnknowns, edge
 from cpbench.formulations.base import Kind, Problem, Trace
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.nfc import NonlinearFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact, NonlinearFrictionContact
 from cpbench.foundation.matrices import Vector
 
 PLACES = ("free", "start")

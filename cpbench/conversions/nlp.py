@@ -12,10 +12,9 @@ from cpbench.conversions.base import Conversion, SameUnknowns, edge
 from cpbench.formulations.base import Kind, Problem, Trace, formulations
 from cpbench.formulations.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.formulations.ge import GEPoint
-from cpbench.formulations.micp import MiCPPoint
-from cpbench.formulations.nlp import NLP, Convexity, NLPPoint
-from cpbench.formulations.qp import QP
+from cpbench.formulations.nonlinear import MiCPPoint
+from cpbench.formulations.programs import NLP, QP, Convexity, NLPPoint
+from cpbench.formulations.variational import GEPoint
 from cpbench.foundation import matrices
 
 

@@ -11,13 +11,11 @@ from cpbench.conversions.base import Conversion, SameUnknowns, Size, edge
 from cpbench.conversions.bounds import amplification
 from cpbench.conversions.elimination import Elimination
 from cpbench.conversions.qualification import WhereConvex
-from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.formulations.nlp import NLP
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.linear import AVI, MLCP, AVIPoint, MLCPPoint
+from cpbench.formulations.programs import NLP, QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.product_cones import Cone, ProductCone
 

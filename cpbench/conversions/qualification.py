@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from cpbench.conversions.base import Conversion
 from cpbench.formulations.base import Kind
-from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.conic import ConeQP
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.nlp import NLP, Convexity
+from cpbench.formulations.programs import NLP, Convexity
 from cpbench.formulations.sizes import least_squares
-from cpbench.formulations.vi import VI
+from cpbench.formulations.variational import VI
 from cpbench.foundation.matrices import Matrix, Vector, least_eigenvalue, max_abs
 from cpbench.foundation.product_cones import Cone
 

@@ -9,8 +9,8 @@ from cpbench.conversions.base import Conversion, edge
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.qvi import QVI, QVIPoint
+from cpbench.formulations.nonlinear import MiCP, MiCPPoint
+from cpbench.formulations.variational import QVI, QVIPoint
 
 
 @edge("qvi-micp", equation="(22) with X(z) → (20)", kind=Kind.ONE_WAY, cost=2.0)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from cpbench.conversions.base import SameUnknowns, edge
 from cpbench.conversions.bounds import FromBounds
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, Relay
 
 
 @edge("relay-avi", equation="(22)", kind=Kind.EQUIVALENT, cost=1.0)

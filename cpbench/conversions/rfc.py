@@ -7,7 +7,7 @@ from cpbench.conversions.base import edge
 from cpbench.conversions.contact_laws import FrozenConeQP, OverCones
 from cpbench.conversions.facets import INTERVAL, InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation.matrices import Dense
 
 

@@ -6,10 +6,7 @@ from cpbench.conversions import nonlinear
 from cpbench.conversions.base import SameUnknowns, edge
 from cpbench.conversions.qualification import WhereConvex
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.cp import CP
-from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.formulations.conic import CP, SOCLCP, ConeQP, ConeQPPoint, SOCLCPPoint, cone_fields
 from cpbench.foundation import matrices
 
 

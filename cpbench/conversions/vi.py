@@ -8,17 +8,13 @@ import numpy as np
 
 from cpbench.conversions import nonlinear, qualification
 from cpbench.conversions.base import Conversion, SameUnknowns, edge
-from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Kind, Trace, formulations
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.cp import CP
-from cpbench.formulations.equation import Equation
+from cpbench.formulations.conic import CP, cone_fields
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder, product
-from cpbench.formulations.ge import GE, GEPoint
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.linear import AVI, AVIPoint
+from cpbench.formulations.nonlinear import Equation, MiCP, MiCPPoint
+from cpbench.formulations.variational import GE, VI, GEPoint, VIPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench.foundation.product_cones import Cone

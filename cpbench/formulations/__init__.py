@@ -1,7 +1,5 @@
-"""The nodes of the graph: one problem class a file, registered under its node name."""
+"""The nodes of the graph: problem classes, registered under their node names, relatives in one file."""
 
-from cpbench.formulations.afc import AnisotropicFrictionContact
-from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import (
     Contacts,
     Info,
@@ -14,29 +12,26 @@ from cpbench.formulations.base import (
     Trace,
     formulations,
 )
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import CP, SOCLCP, ConeQP, ConeQPPoint, CPPoint, SOCLCPPoint
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.cp import CP, CPPoint
-from cpbench.formulations.equation import Equation, EquationPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
-from cpbench.formulations.ge import GE, GEPoint
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
-from cpbench.formulations.grfc import GlobalRollingFrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.formulations.ncp import NCP, NCPPoint
-from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
-from cpbench.formulations.nlp import NLP, NLPPoint
-from cpbench.formulations.qp import QP, QPPoint
-from cpbench.formulations.qvi import QVI, QVIPoint
-from cpbench.formulations.relay import Relay
-from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.global_contact import (
+    GFCPoint,
+    GlobalFrictionContact,
+    GlobalRollingFrictionContact,
+    NFCPoint,
+    NonlinearFrictionContact,
+)
+from cpbench.formulations.linear import AVI, LCP, MLCP, AVIPoint, LCPPoint, MLCPPoint, Relay
+from cpbench.formulations.local_contact import (
+    AnisotropicFrictionContact,
+    FCMPoint,
+    FrictionContact,
+    MixedFrictionContact,
+    RollingFrictionContact,
+)
+from cpbench.formulations.nonlinear import NCP, Equation, EquationPoint, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations.programs import NLP, QP, NLPPoint, QPPoint
+from cpbench.formulations.variational import GE, QVI, VI, GEPoint, QVIPoint, VIPoint
 
 __all__ = [
     "AVI",

@@ -1,18 +1,34 @@
-"""Base of the conic nodes: a product K of closed convex factors, stored as four vectors."""
+"""Problems over a product K of closed convex factors, stored as four vectors: complementarity over a cone (17), linear
+or not, and quadratic programs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import (
+    Point,
+    Problem,
+    Residuals,
+    Term,
+    formulations,
+    map_field,
+    matrix_field,
+    scaled,
+    vector_field,
+)
 from cpbench.formulations.defects import cone_defect
-from cpbench.foundation.matrices import Vector, norm
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.linear import AffineProblem
+from cpbench.formulations.nonlinear import NonlinearProblem
+from cpbench.formulations.sizes import group_max, least, ratio, row_sizes
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector, freeze, max_abs, norm
 from cpbench.foundation.product_cones import Cone, ProductCone
 
 
@@ -38,7 +54,7 @@ class ConicProblem(_HasCone, Problem):
         known = ", ".join(f"{c.value} {c.name.lower()}" for c in self.cone_kinds)
         rolling = np.isin(kind, (Cone.ROLLING, Cone.ROLLING_DUAL))
         pointed = np.isin(kind, (Cone.SECOND_ORDER, Cone.CYLINDER))
-        for field, bad, expected in (
+        for name, bad, expected in (
             ("cone_kind", ~np.isin(kind, self.cone_kinds), f"one of {known}"),
             ("cone_size", (size < 0) | (size != np.floor(size)), "a number of rows"),
             ("cone_size", rolling & ~np.isin(size, (3, 5)), "3 or 5 rows of a rolling cone"),
@@ -48,8 +64,8 @@ class ConicProblem(_HasCone, Problem):
         ):
             if bad.any():
                 i = int(np.flatnonzero(bad)[0])
-                value = getattr(self, field)[i]
-                raise ProblemError(f"{self.node}.{field}", f"is {value:g} at factor {i}, expected {expected}")
+                value = getattr(self, name)[i]
+                raise ProblemError(f"{self.node}.{name}", f"is {value:g} at factor {i}, expected {expected}")
         rows = getattr(self, self.cone_rows).size
         if size.sum() != rows:
             raise ProblemError(f"{self.node}.cone_size", f"adds up to {size.sum():g}, {self.cone_rows} has {rows}")
@@ -71,3 +87,258 @@ def cone_residuals(K: ProductCone, s: Vector, y: Vector, s_scale: float | Vector
     The scales are numbers, or vectors that are constant on every factor, positive.
     """
     return norm(cone_defect(K, s, (s_scale / y_scale) * y) / s_scale)
+
+
+@dataclass(frozen=True, eq=False)
+class CPPoint(Point):
+    """x (n,), λ ≥ 0 of the rows of the polyhedral cone Ax ≥ 0 (m,)."""
+
+    x: Vector
+    lam: Vector = field(default_factory=lambda: np.zeros(0))
+
+
+@formulations.register("cp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CP(NonlinearProblem, ConicProblem):
+    """C ∋ x ⟂ F(x) ∈ C* with C = {x ∈ K : Ax ≥ 0}, so that C* = K* + Aᵀℝ₊ᵐ (closed where K is polyhedral, or where
+    some x inside K has Ax > 0).
+
+    K is a product of {0}, ℝ, ℝ₊, second-order and rolling cones and their duals. With G = F(x) − Aᵀλ: x = P_K(x − G)
+    and 0 ≤ λ ⟂ Ax ≥ 0. Measured: `natural`, the norm of both over `scale`.
+    """
+
+    node: ClassVar[str] = "cp"
+    title: ClassVar[str] = "cone complementarity problem"
+    equation: ClassVar[str] = "(17)"
+    relations: ClassVar[tuple[str, ...]] = ("C ∋ x ⟂ F(x) ∈ C*", "C = {x ∈ K : Ax ≥ 0}")
+    point_type: ClassVar[type[Point]] = CPPoint
+    cone_rows: ClassVar[str] = "start"
+
+    F: Map = map_field("n", "n")
+    A: Matrix = matrix_field("m", "n", optional=True)
+    cone_kind: Vector = vector_field("c")
+    cone_size: Vector = vector_field("c")
+    cone_mu: Vector = vector_field("c", finite=False)
+    cone_mu_r: Vector = vector_field("c", fill=0.0)
+    start: Vector = vector_field("n", fill=0.0)
+
+    def check(self) -> None:
+        super().check()
+        if not self.K.conical:
+            raise ProblemError("cp.cone_kind", "has a disk or a ball, which is not a cone; use vi")
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"x": self.start.size, "lam": self.A.shape[0]}
+
+    def project(self, z: Vector) -> Vector:
+        return self.K.project(z)
+
+    def slacks(self, point: CPPoint) -> dict[str, Vector]:
+        return {"y": self.F(point.x)}
+
+    def residuals(self, point: CPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            x, y = point.x, self.F(point.x)
+            defect = [cone_defect(self.K, x, y - self.A.T @ point.lam), np.minimum(point.lam, self.A @ x)]
+            return self.natural(
+                np.concatenate(defect),
+                point.finite,
+                cone_violation=norm(x - self.K.project(x)),
+                complementarity=abs(float(x @ y)),
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class SOCLCPPoint(Point):
+    """x, shape (n,)."""
+
+    x: Vector
+
+
+@formulations.register("soclcp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SOCLCP(AffineProblem, ConicProblem):
+    """K ∋ x ⟂ w = Mx + q ∈ K*, K a product of cones: {0}, ℝ, ℝ₊, second-order, rolling and their duals.
+
+    Measured: `natural` = ‖x − P_K(x − w)‖/‖q‖, and `unit_free`, the same with x over max(‖x‖∞, ‖q‖∞/max|M|) and
+    w over max(‖q‖∞, ‖Mx‖∞), both over components where K is more than {0}: elsewhere w may be anything.
+    """
+
+    node: ClassVar[str] = "soclcp"
+    title: ClassVar[str] = "second-order cone linear complementarity problem"
+    equation: ClassVar[str] = "(17)"
+    relations: ClassVar[tuple[str, ...]] = ("K ∋ x ⟂ w = Mx + q ∈ K*",)
+    point_type: ClassVar[type[Point]] = SOCLCPPoint
+    terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "x"),)
+    cone_rows: ClassVar[str] = "q"
+
+    M: Matrix = matrix_field("n", "n")
+    q: Vector = vector_field("n")
+    cone_kind: Vector = vector_field("k")
+    cone_size: Vector = vector_field("k")
+    cone_mu: Vector = vector_field("k", finite=False)
+    cone_mu_r: Vector = vector_field("k", fill=0.0)
+
+    def check(self) -> None:
+        super().check()
+        if not self.K.conical:
+            raise ProblemError("soclcp.cone_kind", "has a cylinder ℝ₊ × disk, which is not a cone; use coneqp")
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"x": self.q.size}
+
+    def slacks(self, point: SOCLCPPoint) -> dict[str, Vector]:
+        return {"w": self.M @ point.x + self.q}
+
+    def residuals(self, point: SOCLCPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            x, Mx = point.x, self.M @ point.x
+            w = Mx + self.q
+            natural = norm(cone_defect(self.K, x, w))
+            measured = {"natural": scaled(natural, norm(self.q))}
+            felt = self.K.extended
+            q_size = max_abs(self.q[felt])
+            if q_size > 0:
+                x_scale = max(max_abs(x), q_size / (max_abs(self.M) or 1.0))
+                measured["unit_free"] = cone_residuals(self.K, x, w, x_scale, max(q_size, max_abs(Mx[felt])))
+            return Residuals(
+                measured=measured,
+                parts={
+                    "natural_absolute": natural,
+                    "cone_violation": norm(x - self.K.project(x)),
+                    "dual_violation": norm(w - self.K.project_dual(w)),
+                    "complementarity": abs(float(x @ w)),
+                },
+                flags=() if self.q.any() else ("absolute",),
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class ConeQPPoint(Point):
+    """x, shape (n,), and the multiplier y of Ax + b ∈ K, shape (m,)."""
+
+    x: Vector
+    y: Vector
+
+
+@formulations.register("coneqp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConeQP(ConicProblem):
+    """min ½xᵀQx + pᵀx subject to s = Ax + b ∈ K, Q symmetric; Qx + p = Aᵀy, K ∋ s ⟂ y ∈ K*.
+
+    K may have factors ℝ₊ × disk, which are convex and no cones; there the conditions are −y ∈ N_K(s), of which
+    s = P_K(s − y) is the general form. Measured: `natural` = ‖(Qx + p − Aᵀy, s − P_K(s − y))‖/‖(p, b)‖; `stationarity`
+    = ‖Qx + p − Aᵀy‖/max(‖Qx‖, ‖p‖, ‖Aᵀy‖, max|Q| x_unit); `unit_free`, the cone part with every factor (every row
+    of ℝ₊) divided by its largest entry in A, then s over max(|b|, ‖x‖∞, x_unit) of the factor and y over forces =
+    max(‖p‖∞, ‖Qx‖∞, max|Q| x_unit): neither a large b of an idle factor nor large multipliers that cancel may set a
+    scale. When Q
+    is not positive semidefinite, the flag `stationary` says that these conditions are not sufficient.
+    """
+
+    node: ClassVar[str] = "coneqp"
+    title: ClassVar[str] = "cone quadratic program"
+    equation: ClassVar[str] = "(1) over a cone"
+    relations: ClassVar[tuple[str, ...]] = ("min ½xᵀQx + pᵀx", "Ax + b ∈ K")
+    point_type: ClassVar[type[Point]] = ConeQPPoint
+    primal: ClassVar[str] = "x"
+    terms: ClassVar[tuple[Term, ...]] = (("p", 1, "Q", "x"), ("p", -1, "Aᵀ", "y"), ("b", 1, "A", "x"))
+    cone_rows: ClassVar[str] = "b"
+
+    Q: Matrix = matrix_field("n", "n")
+    p: Vector = vector_field("n")
+    A: Matrix = matrix_field("m", "n")
+    b: Vector = vector_field("m", fill=0.0)
+    cone_kind: Vector = vector_field("k")
+    cone_size: Vector = vector_field("k")
+    cone_mu: Vector = vector_field("k", finite=False)
+    cone_mu_r: Vector = vector_field("k", fill=0.0)
+
+    @classmethod
+    def over(cls, Q: Matrix, p: Vector, K: ProductCone, A: Matrix | None = None, b: Vector | None = None) -> ConeQP:
+        """Return the program with K given as a product; A = I and b = 0 unless given."""
+        if A is None:
+            A = matrices.identity(np.size(p), Q)
+        return cls(Q=Q, p=p, A=A, b=b, **cone_fields(K))  # pyright: ignore[reportArgumentType]
+
+    def check(self) -> None:
+        super().check()
+        if not matrices.is_symmetric(self.Q, 1e-10):
+            raise ProblemError(
+                "coneqp.Q", f"is not symmetric, asymmetry = {matrices.asymmetry(self.Q):.1e}; use soclcp"
+            )
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"x": self.p.size, "y": self.b.size}
+
+    @cached_property
+    def convex(self) -> bool:
+        """Q positive semidefinite (matrices.is_psd)."""
+        return matrices.is_psd(self.Q)
+
+    @cached_property
+    def plain(self) -> bool:
+        """A = I and b = 0: x itself is in K."""
+        if self.A.shape[0] != self.A.shape[1] or self.b.any():
+            return False
+        return matrices.max_abs(self.A - matrices.identity(self.p.size, self.A)) == 0.0
+
+    @cached_property
+    def block_sizes(self) -> Vector:
+        """max|A| over the rows of each factor, 1 where that is 0; shape (m,)."""
+        return freeze(row_sizes(self.A, self.K.blocks))
+
+    @cached_property
+    def block_data(self) -> Vector:
+        """max|b| over each factor and its size: the x that it asks for; shape (m,)."""
+        if not self.b.size:
+            return self.b
+        return freeze(group_max(self.b, self.K.blocks)[self.K.blocks] / self.block_sizes)
+
+    @cached_property
+    def x_unit(self) -> float:
+        """The lesser of ‖p‖∞/max|Q|, an x that balances p, and the x that b asks for; 0 without any."""
+        bounded = np.repeat(self.K.kind != Cone.FREE, self.K.size.astype(np.int64))
+        return least(ratio(max_abs(self.p), max_abs(self.Q)), max_abs(self.block_data[bounded]))
+
+    def objective(self, x: Vector) -> float:
+        return float(0.5 * x @ (self.Q @ x) + self.p @ x)
+
+    def slacks(self, point: ConeQPPoint) -> dict[str, Vector]:
+        return {"s": self.A @ point.x + self.b}
+
+    def residuals(self, point: ConeQPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            x, y = point.x, point.y
+            Qx, Aty = self.Q @ x, self.A.T @ y
+            s = self.A @ x + self.b
+            stationarity = Qx + self.p - Aty
+            cone_part = norm(cone_defect(self.K, s, y))
+            natural = norm(np.array([norm(stationarity), cone_part]))
+            if not point.finite:  # which a projection would clip
+                natural = np.inf
+            data = norm(np.concatenate([self.p, self.b]))
+            measured = {"natural": scaled(natural, data)}
+            balance = max(norm(self.p), max_abs(self.Q) * self.x_unit)
+            if balance > 0:
+                measured["stationarity"] = norm(stationarity) / max(norm(Qx), norm(Aty), balance)
+            if self.x_unit > 0:
+                forces = max(max_abs(self.p), max_abs(Qx), max_abs(self.Q) * self.x_unit) or 1.0
+                s_scale = np.maximum(self.block_data, max(max_abs(x), self.x_unit)) * self.block_sizes
+                measured["unit_free"] = cone_residuals(self.K, s, y, s_scale, forces / self.block_sizes)
+            return Residuals(
+                measured=measured,
+                parts={
+                    "natural_absolute": natural,
+                    "stationarity_absolute": norm(stationarity),
+                    "cone_violation": norm(s - self.K.project(s)),
+                    "complementarity": abs(float(s @ y)),
+                    "objective": self.objective(x),
+                },
+                flags=(("absolute",) if data == 0 else ()) + (() if self.convex else ("stationary",)),
+            )

@@ -1,4 +1,5 @@
-"""Base of the global contact nodes: dynamics, bilateral constraints, and how their answers are measured."""
+"""Contact with the dynamics of the bodies: Acary's P_LM with Coulomb's friction or rolling, and P, whose dynamics are
+nonlinear."""
 
 from __future__ import annotations
 
@@ -9,8 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from cpbench.formulations.base import Point, Residuals, Term, scaled, squared
+from cpbench.formulations.base import (
+    Point,
+    Residuals,
+    Term,
+    formulations,
+    map_field,
+    matrix_field,
+    scaled,
+    squared,
+    vector_field,
+)
 from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.sizes import least_squares
 from cpbench.foundation import matrices
 from cpbench.foundation.factorization import DENSE_LIMIT, Factorization
@@ -178,4 +190,170 @@ class GlobalContact(_HasDynamics, ContactProblem):
                 measured["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
                 measured["drift"] = squared(scaled(constraint, velocity))
                 parts["constraint_absolute [m/s]"] = constraint
+            return Residuals(measured, parts, flags)
+
+
+@formulations.register("gfc")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GlobalFrictionContact(GlobalContact):
+    """Mv = Hr + Gλ + f, Gᵀv + b = 0, u = Hᵀv + w, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
+
+    G and b are bilateral constraints (joints), empty by default; w is 0 by default. M need not be symmetric.
+    """
+
+    node: ClassVar[str] = "gfc"
+    core: ClassVar[bool] = True
+    title: ClassVar[str] = "frictional contact, global"
+    equation: ClassVar[str] = "P_LM"
+    relations: ClassVar[tuple[str, ...]] = (
+        "Mv = Hr + Gλ + f",
+        "Gᵀv + b = 0",
+        "u = Hᵀv + w",
+        "û = u + μ‖u_T‖e_N",
+        "K*_μ ∋ û ⟂ r ∈ K_μ",
+    )
+    point_type: ClassVar[type[Point]] = GFCPoint
+    no_slip: ClassVar[str] = (
+        "with T its tangential rows, set mu = 0 there and append H[:, T] to G and w[T] to b, so that lam has its r_T"
+    )
+
+    M: Matrix = matrix_field("n", "n")
+    H: Matrix = matrix_field("n", "m")
+    G: Matrix = matrix_field("n", "p", optional=True)
+    f: Vector = vector_field("n")
+    w: Vector = vector_field("m", fill=0.0)
+    b: Vector = vector_field("p", fill=0.0)
+    mu: Vector = vector_field("nc")
+
+
+@formulations.register("grfc")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GlobalRollingFrictionContact(GlobalContact):
+    """Mv = Hr + Gλ + f, Gᵀv + b = 0, u = Hᵀv + w, K* ∋ û ⟂ r ∈ K with the rolling cone of `rfc`.
+
+    Rows of a contact: (N, T1, T2, M1, M2) for dimension 5, (N, T, M) for dimension 3.
+    """
+
+    node: ClassVar[str] = "grfc"
+    title: ClassVar[str] = "rolling frictional contact, global"
+    equation: ClassVar[str] = "P_LM, rolling"
+    relations: ClassVar[tuple[str, ...]] = (
+        "Mv = Hr + Gλ + f",
+        "Gᵀv + b = 0",
+        "u = Hᵀv + w",
+        "û = u + (μ‖u_T‖ + μ_r‖ω‖)e_N",
+        "K* ∋ û ⟂ r ∈ K = {‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}",
+    )
+    point_type: ClassVar[type[Point]] = GFCPoint
+    dimensions: ClassVar[tuple[int, ...]] = (3, 5)
+
+    M: Matrix = matrix_field("n", "n")
+    H: Matrix = matrix_field("n", "m")
+    G: Matrix = matrix_field("n", "p", optional=True)
+    f: Vector = vector_field("n")
+    w: Vector = vector_field("m")
+    b: Vector = vector_field("p", fill=0.0)
+    mu: Vector = vector_field("nc")
+    mu_r: Vector = vector_field("nc")
+    dimension: int = 5
+
+
+FREE_STEPS = 50
+"""Newton steps to the motion without contact; the start is taken where they do not get there."""
+
+
+@dataclass(frozen=True, eq=False)
+class NFCPoint(Point):
+    """v, shape (n,): velocities of the bodies; r, shape (nc·d,): reactions."""
+
+    v: Vector
+    r: Vector
+
+
+@formulations.register("nfc")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NonlinearFrictionContact(ContactProblem):
+    """F(v) = Hr, u = Hᵀv + w, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
+
+    Measured as `gfc`: `dynamics` = ‖F(v) − Hr‖/max(‖Hr‖, f₀), `imbalance` = (‖F(v) − Hr‖/f₀)², and the contact errors
+    with u := Hᵀv + w. Their scales are those of the problem linearized at the motion v₀ without contact, F(v₀) = 0.
+    """
+
+    node: ClassVar[str] = "nfc"
+    title: ClassVar[str] = "frictional contact, nonlinear dynamics"
+    equation: ClassVar[str] = "P"
+    relations: ClassVar[tuple[str, ...]] = (
+        "F(v) = Hr",
+        "u = Hᵀv + w",
+        "û = u + μ‖u_T‖e_N",
+        "K*_μ ∋ û ⟂ r ∈ K_μ",
+    )
+    point_type: ClassVar[type[Point]] = NFCPoint
+    rows_of: ClassVar[str] = "w"
+
+    F: Map = map_field("n", "n")
+    H: Matrix = matrix_field("n", "m")
+    w: Vector = vector_field("m")
+    mu: Vector = vector_field("nc")
+    start: Vector = vector_field("n", fill=0.0)
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"v": self.start.size, "r": self.w.size}
+
+    def linearized(self, v: Vector) -> GlobalFrictionContact:
+        """Linearize at the velocities v, shape (n,): F(v) + F′(v)(x − v) = Hr in place of F(x) = Hr: M = F′(v), f = Mv
+        − F(v)."""
+        M = self.F.jacobian(v)
+        return GlobalFrictionContact(
+            M=M, H=self.H, f=M @ v - self.F(v), w=self.w, mu=self.mu, dimension=self.dimension,
+            sequence=self.sequence, contacts=self.contacts,
+        )  # fmt: skip
+
+    @cached_property
+    def free_motion(self) -> Vector:
+        """v₀."""
+        v = self.start
+        with np.errstate(all="ignore"):
+            for _ in range(FREE_STEPS):
+                force = self.F(v)
+                jacobian = self.F.jacobian(v)
+                if not np.isfinite(force).all() or not np.isfinite(jacobian.data).all():
+                    return self.start
+                factors = Factorization(jacobian)
+                if factors.singular:
+                    return self.start
+                step = np.asarray(factors.solve(force))
+                v = v - step
+                if norm(step) <= 1e-12 * max(norm(v), 1e-300):
+                    return v
+        return self.start
+
+    @cached_property
+    def reference(self) -> GlobalFrictionContact:
+        """The problem linearized at v₀, whose sizes are the scales."""
+        return self.linearized(self.free_motion)
+
+    @cached_property
+    def mobility(self) -> Dense:
+        return self.reference.mobility
+
+    def slacks(self, point: NFCPoint) -> dict[str, Vector]:
+        return {"u": self.H.T @ point.v + self.w}
+
+    def residuals(self, point: NFCPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            Hr = self.H @ point.r
+            dynamics = norm(self.F(point.v) - Hr) if point.finite else np.inf
+            impulse, _ = self.reference.units
+            impulse = max(impulse, norm(self.reference.f))
+            free = self.reference.free_velocity
+            absolute = not (impulse or free.any())
+            measured, parts, flags = self.contact_residuals(
+                point.r, self.H.T @ point.v + self.w, free, tolerance, absolute=absolute
+            )
+            measured["dynamics"] = scaled(dynamics, norm(Hr), impulse) if impulse else dynamics
+            measured["imbalance"] = squared(scaled(dynamics, impulse))
+            parts["dynamics_absolute [N s]"] = dynamics
             return Residuals(measured, parts, flags)

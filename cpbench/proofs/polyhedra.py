@@ -11,13 +11,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Problem
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.qp import QP
+from cpbench.formulations.conic import ConeQP
+from cpbench.formulations.linear import AVI, LCP, MLCP
+from cpbench.formulations.local_contact import FrictionContact
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone

@@ -17,8 +17,7 @@ from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.node_table import NodeTable
-from cpbench.registry import Registry
+from cpbench.registry import NodeTable, Registry
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""

@@ -20,10 +20,8 @@ import h5py
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Info, Problem
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.fcm import MixedFrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.grfc import GlobalRollingFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact, GlobalRollingFrictionContact
+from cpbench.formulations.local_contact import FrictionContact, MixedFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench.storage.annotations import read_info, read_place, read_provenance, write_texts

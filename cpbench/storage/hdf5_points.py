@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from cpbench import __version__
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.formulations.fcm import FCMPoint
 from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.local_contact import FCMPoint
 from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_attribute, put_integer
 

@@ -14,9 +14,9 @@ from cpbench.formulations import LCP, MLCP, QP, Problem
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.formulations.node_table import NodeTable
 from cpbench.generators import generators
 from cpbench.generators.base import LARGE, STANDARD
+from cpbench.registry import NodeTable
 from cpbench.testing import (  # those that are not used here enter their makers
     cases_conic,  # noqa: F401  # pyright: ignore[reportUnusedImport]
     cases_contact,  # noqa: F401  # pyright: ignore[reportUnusedImport]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.formulations.base import Problem, formulations
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.extensions import HOOKS, added, hook
 from cpbench.foundation.plurals import counted, some_of
+from cpbench.registry import NodeTable
 
 STATES = PRESENT, DERIVED, MISSING = "present", "derived", "missing"
 """States of a trait: given; made of others; absent."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.formulations.node_table import NodeTable
+from cpbench.registry import NodeTable
 from cpbench.testing.cases import Case
 
 

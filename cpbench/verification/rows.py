@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
+from cpbench.registry import NodeTable
 from cpbench.verification.alike_rows import AlikeRows
 from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.sets import Flags, Sets

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, transpose
+from cpbench.registry import NodeTable
 from cpbench.verification.linear import orientation
 from cpbench.verification.rows import ROWS, STACKED, Frame, System, Terms, kept
 from cpbench.verification.sets import INFINITE, Sets

@@ -13,7 +13,7 @@ import numpy as np
 from flint import arb
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates import polyhedral
 from cpbench_lab.certificates.active_sets import States

@@ -21,8 +21,8 @@ import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench.proofs.exact_linear import Exact, Rationals, dot, rationals, solve

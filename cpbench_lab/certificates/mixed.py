@@ -15,8 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Sparse, Vector
+from cpbench.registry import NodeTable
 from cpbench.verification.sets import INFINITE
 
 

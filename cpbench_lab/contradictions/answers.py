@@ -12,8 +12,8 @@ import numpy as np
 from cpbench.analysis.contradictions import EXISTENCE, Contradiction, named
 from cpbench.formulations import AVI, LCP, MLCP, QP
 from cpbench.formulations.base import Point, Problem, formulations
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.conic import ConeQP
+from cpbench.formulations.linear import Relay
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
 from cpbench_lab.contradictions import forward_error

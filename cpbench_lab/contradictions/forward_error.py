@@ -26,7 +26,7 @@ import scipy.sparse.linalg as spla
 
 from cpbench.formulations import AVI, LCP, MLCP
 from cpbench.formulations.base import Problem
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 

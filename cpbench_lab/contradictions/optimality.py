@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations import QP
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.programs import QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import max_abs
 

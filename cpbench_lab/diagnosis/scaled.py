@@ -19,9 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.registry import NodeTable
 from cpbench.verification.equilibration import equilibrate
 
 

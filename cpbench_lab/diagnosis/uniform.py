@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
+from cpbench.registry import NodeTable
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from cpbench.errors import NotApplicable, PointError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.formulations.ncp import NCP, NCPPoint
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
+from cpbench.formulations.nonlinear import NCP, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import Vector, max_abs
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cpbench.errors import NotApplicable, ProblemError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.linear import LCP
 from cpbench.foundation.matrices import Dense, Vector, dense, max_abs, norm
 from cpbench.solvers.base import Budget, Claim, solvers
 

@@ -14,7 +14,7 @@ import numpy as np
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.contact import opposition
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, solve
 

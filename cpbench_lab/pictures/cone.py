@@ -15,7 +15,7 @@ from cpbench.conversions.facets import wrong_knobs
 from cpbench.errors import NotApplicable, ProblemError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.cones import de_saxce
 from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.report import canvas

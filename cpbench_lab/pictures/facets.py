@@ -14,7 +14,7 @@ import numpy as np
 from cpbench import graph
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.matrices import Dense
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.linear import LCP
 from cpbench.foundation.matrices import Dense, Vector, dense, max_abs
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, figure_kind

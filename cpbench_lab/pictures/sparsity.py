@@ -65,7 +65,7 @@ def arranged(problem: Problem) -> list[list[str]]:
     """Arrange names of the matrices that have rows and columns, in rows as they stand in the equations; '' for a
     gap.
 
-    >>> from cpbench.formulations.lcp import LCP
+    >>> from cpbench.formulations.linear import LCP
     >>> arranged(LCP(M=np.eye(2), q=np.ones(2)))
     [['M']]
     """

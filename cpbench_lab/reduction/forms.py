@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Problem
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.foundation.product_cones import Cone
+from cpbench.registry import NodeTable
 
 
 @dataclass(frozen=True)

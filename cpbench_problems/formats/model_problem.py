@@ -18,17 +18,11 @@ from typing import Any, cast
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.micp import MiCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.ncp import NCP
-from cpbench.formulations.nlp import NLP
-from cpbench.formulations.qp import QP
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.conic import ConeQP, cone_fields
+from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
+from cpbench.formulations.nonlinear import NCP, MiCP
+from cpbench.formulations.programs import NLP, QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone

@@ -26,7 +26,7 @@ import cpbench_problems.formats.mof_nonlinear  # noqa: F401  # pyright: ignore[r
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.formulations.contact import ContactProblem
-from cpbench.formulations.equation import Equation
+from cpbench.formulations.nonlinear import Equation
 from cpbench.storage.base import Format, formats, no_member
 from cpbench_problems.formats import mof_read
 from cpbench_problems.formats.mof_linear import obstacle

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
+from cpbench.registry import NodeTable
 from cpbench_problems.formats import to_mof
 
 FEASIBILITY = '{"sense": "feasibility"}'

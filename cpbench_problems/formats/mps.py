@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Info, Problem
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
 from cpbench_problems.formats import two_sided

@@ -16,8 +16,8 @@ import numpy as np
 
 from cpbench.errors import FormatError
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
+from cpbench.registry import NodeTable
 from cpbench.storage.program_properties import offset
 from cpbench_problems.formats.mof_functions import Affine
 from cpbench_problems.formats.mof_linear import kept, quadratic

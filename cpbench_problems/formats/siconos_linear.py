@@ -17,12 +17,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Problem
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.relay import Relay
-from cpbench.formulations.soclcp import SOCLCP
+from cpbench.formulations.conic import SOCLCP
+from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.product_cones import Cone
 from cpbench.storage.base import build, stem

@@ -6,13 +6,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import FormatError
-from cpbench.formulations.avi import AVI
+from cpbench.formulations.conic import SOCLCP
 from cpbench.formulations.contact import ContactProblem, LocalContact
 from cpbench.formulations.global_contact import GlobalContact
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.relay import Relay
-from cpbench.formulations.soclcp import SOCLCP
+from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone

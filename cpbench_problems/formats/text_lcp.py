@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.linear import LCP
 from cpbench.storage.arrays import read_matrix, read_vector
 from cpbench.storage.base import Format, build, formats, no_member, stem
 

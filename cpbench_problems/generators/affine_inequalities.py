@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.formulations.linear import AVI, AVIPoint
 from cpbench.foundation.matrices import Matrix, Sparse
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

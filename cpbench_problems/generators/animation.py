@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense, Matrix
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

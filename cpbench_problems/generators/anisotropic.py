@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import AnisotropicFrictionContact, FrictionContact
 from cpbench.foundation.matrices import Dense, Matrix
 from cpbench.generators.base import Instance, collection, generator
 from cpbench_problems.generators.contact_planted import DIRECTIONS, chain, delassus

@@ -18,8 +18,7 @@ from fractions import Fraction
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
 from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.contact_joints import condensed
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.applications.game import GAME, game_problem
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import MLCP, MLCPPoint
 from cpbench.foundation.matrices import Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

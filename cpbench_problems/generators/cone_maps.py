@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.cp import CP, CPPoint
-from cpbench.formulations.ge import GE, GEPoint
+from cpbench.formulations.conic import CP, CPPoint, cone_fields
+from cpbench.formulations.variational import GE, GEPoint
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.vi_sets import on_cones, planted_map, sides, sized_name

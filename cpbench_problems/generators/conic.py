@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.formulations.conic import SOCLCP, ConeQP, ConeQPPoint, SOCLCPPoint, cone_fields
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.contact_planted import MU, contact_states

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
+from cpbench.formulations.local_contact import FCMPoint, MixedFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator

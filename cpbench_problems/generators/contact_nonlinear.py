@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
+from cpbench.formulations.global_contact import NFCPoint, NonlinearFrictionContact
 from cpbench.foundation.matrices import Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator, snapped
 from cpbench_problems.generators.contact_planted import MU, STATES, contact_states

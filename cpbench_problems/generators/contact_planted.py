@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator

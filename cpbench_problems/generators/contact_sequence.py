@@ -29,9 +29,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Contacts, Sequence
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.cones import de_saxce, project_friction_cone
 from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.generators.base import Instance, collection, generator

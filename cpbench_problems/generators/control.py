@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import solve_discrete_are
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator, snapped
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.nonlinear import Equation, EquationPoint
 from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.ncp_classics import formula_map
 from cpbench_problems.generators.symbols import Symbol, total

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.ncp import NCP, NCPPoint
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.nonlinear import NCP, NCPPoint
+from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.portable import arctan

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.nlp import NLP, NLPPoint
+from cpbench.formulations.programs import NLP, NLPPoint
 from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.hock_schittkowski_points import POINTS, Known
 from cpbench_problems.generators.symbols import Symbol, exp, log, mapped, sin, total, unknowns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
 

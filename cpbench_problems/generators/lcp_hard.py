@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.lcp_classics import csizmadia, fathi, murty
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

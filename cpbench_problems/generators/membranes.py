@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.micp import MiCP
+from cpbench.formulations.nonlinear import MiCP
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.portable import sine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import MLCP, MLCPPoint
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

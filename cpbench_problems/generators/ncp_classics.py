@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.ncp import NCP, NCPPoint
+from cpbench.formulations.nonlinear import NCP, NCPPoint
 from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.symbols import Symbol, mapped, product, unknowns
 

@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 
-from cpbench.formulations.nlp import NLP, NLPPoint
+from cpbench.formulations.programs import NLP, NLPPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.symbols import mapped, product, total, unknowns
 

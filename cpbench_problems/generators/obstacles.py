@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.qp import QP
+from cpbench.formulations.linear import LCP
+from cpbench.formulations.programs import QP
 from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.generators.base import Instance, collection, snapped
 

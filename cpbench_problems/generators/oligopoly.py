@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cpbench.formulations.ncp import NCP, NCPPoint
+from cpbench.formulations.nonlinear import NCP, NCPPoint
 from cpbench.foundation.matrices import Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench_problems.generators.ncp_classics import points

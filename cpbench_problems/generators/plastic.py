@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import MLCP, MLCPPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 
 CITATION = "Maier 1970, Meccanica 5:54; Cottle, Pang, Stone 1992, The Linear Complementarity Problem; by cpbench"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.qvi import QVI, QVIPoint
+from cpbench.formulations.variational import QVI, QVIPoint
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.contact_planted import STATES, contact_states

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import LCPPoint, Relay
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

@@ -13,9 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.global_contact import GFCPoint
-from cpbench.formulations.grfc import GlobalRollingFrictionContact
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.global_contact import GFCPoint, GlobalRollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.contact_planted import DIRECTIONS

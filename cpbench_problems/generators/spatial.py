@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

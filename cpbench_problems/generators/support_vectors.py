@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 

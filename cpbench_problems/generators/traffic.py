@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.ncp import NCP, NCPPoint
+from cpbench.formulations.nonlinear import NCP, MiCP, MiCPPoint, NCPPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench_problems.generators.symbols import Symbol, mapped, total, unknowns

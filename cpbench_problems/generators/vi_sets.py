@@ -8,8 +8,7 @@ import numpy as np
 
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator

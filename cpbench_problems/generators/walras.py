@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.formulations.ncp import NCP, NCPPoint
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.nonlinear import NCP, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench_problems.generators.symbols import Symbol, mapped, product, sqrt, unknowns

@@ -23,9 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Contacts, Sequence
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
-from cpbench.formulations.grfc import GlobalRollingFrictionContact
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact, GlobalRollingFrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench_problems.scenes.bodies import BodyScene, BodyState, Touching
 from cpbench_problems.scenes.kinematics import axes_of_bodies, directions, own_axes, rotations

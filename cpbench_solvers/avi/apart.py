@@ -10,10 +10,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.formulations.avi import AVI
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers.automatic import AutomaticChoice, LastNumber

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from cpbench.formulations.avi import AVI
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, Relay
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import SolverPhase, automatic_spec
 from cpbench_solvers.avi.apart import ByParts

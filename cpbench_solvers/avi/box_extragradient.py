@@ -12,9 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.avi import AVI, AVIPoint
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register

@@ -8,10 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from cpbench.formulations.avi import AVI
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector

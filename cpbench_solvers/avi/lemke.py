@@ -15,9 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.formulations.avi import AVI, AVIPoint
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register

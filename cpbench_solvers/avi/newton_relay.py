@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import LCPPoint, Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, register

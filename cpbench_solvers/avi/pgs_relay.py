@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.relay import Relay
+from cpbench.formulations.linear import LCPPoint, Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, entries, max_abs, sparse

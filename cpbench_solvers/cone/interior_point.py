@@ -19,8 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.soclcp import SOCLCP
+from cpbench.formulations.conic import SOCLCP, ConeQP
 from cpbench.foundation import matrices
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Vector, least_eigenvalue, max_abs

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.formulations.conic import SOCLCP, SOCLCPPoint, cone_fields
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, SolverSpec, register

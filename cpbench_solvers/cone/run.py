@@ -7,9 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.soclcp import SOCLCP
+from cpbench.formulations.conic import SOCLCP, ConeQP, cone_fields
 from cpbench.foundation.matrices import Vector, least_eigenvalue
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.avi import AVI
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.formulations.qp import QP
+from cpbench.formulations.conic import SOCLCP, ConeQP, ConeQPPoint, SOCLCPPoint
+from cpbench.formulations.linear import AVI
+from cpbench.formulations.programs import QP
 from cpbench.formulations.sizes import least
-from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.foundation.product_cones import Cone, ProductCone

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, identity, scaled_both
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register

@@ -14,9 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers

@@ -7,7 +7,7 @@ from functools import cache
 from typing import ClassVar
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.by_parts import SURE

@@ -14,10 +14,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.expressions.recording import recorded
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
-from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact, NFCPoint, NonlinearFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.formulations.sizes import row_sizes
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import norm

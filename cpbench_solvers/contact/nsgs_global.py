@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
 from cpbench.foundation.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
 from cpbench.solvers.base import Budget, SolverSpec, register

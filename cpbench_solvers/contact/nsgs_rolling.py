@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress

@@ -13,8 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, solved

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import Vector, entries
 from cpbench_solvers.contact.sweeps import kernel

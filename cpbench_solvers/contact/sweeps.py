@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint, LocalContact
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, scaled_both, sparse
 from cpbench.solvers.base import Budget, Claim, SolverOutput, solved

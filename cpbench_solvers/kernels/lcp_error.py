@@ -9,7 +9,7 @@ from cpbench_solvers.kernels.row_errors import FAST, INDICES
 
 @njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
 def judged(q, z, w, z_unit):
-    """Return max(natural, unit_free) of `cpbench.formulations.lcp` for Mz = w - q; NaN when anything is."""
+    """Return max(natural, unit_free) of `cpbench.formulations.linear` for Mz = w - q; NaN when anything is."""
     n = q.size
     natural = 0.0
     q_square = 0.0

@@ -8,7 +8,7 @@ from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
 
 @njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), **COMPILED)
 def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
-    """Return max(natural, unit_free, equality) of `cpbench.formulations.mlcp`; not finite when anything is.
+    """Return max(natural, unit_free, equality) of `cpbench.formulations.linear`; not finite when anything is.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import is_sparse, nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register

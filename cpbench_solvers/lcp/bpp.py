@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.lcp.changing_basis import ChangingBasis

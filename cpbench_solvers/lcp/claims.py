@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, sparse

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.linear import LCP
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import SolverOutput

@@ -17,8 +17,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
 from cpbench.formulations.ncp_functions import fischer_burmeister, minimum
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, max_abs

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench_solvers import linear_program

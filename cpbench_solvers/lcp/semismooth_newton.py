@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum, penalized
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, identity

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import MLCP, MLCPPoint
 from cpbench.foundation.matrices import is_sparse
 from cpbench.solvers.base import SolverSpec, StackCall, register
 from cpbench_solvers.automatic import SolverPhase, automatic_spec

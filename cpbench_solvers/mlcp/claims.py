@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import LCP, MLCP, MLCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, max_abs

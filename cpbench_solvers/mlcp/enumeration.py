@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.linear import LCP, MLCP
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers import linear_program

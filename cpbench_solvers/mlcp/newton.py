@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.linear import MLCP
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, settled, warm_up

@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.linear import LCP, MLCP, MLCPPoint
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Vector, dense

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse import csgraph
 
-from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.linear import MLCP
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, sparse

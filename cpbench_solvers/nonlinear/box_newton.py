@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.base import scaled
-from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.ncp_functions import NCPFunction, Values, smoothed
+from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, norm

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.errors import CpbenchError
-from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.formulations.linear import AVI, AVIPoint
 from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Vector, norm

@@ -23,9 +23,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.qvi import QVI, QVIPoint
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.variational import QVI, VI, QVIPoint, VIPoint
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Sparse, Vector, norm
 from cpbench.foundation.product_cones import Cone, ProductCone

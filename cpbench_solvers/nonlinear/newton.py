@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.equation import Equation, EquationPoint
-from cpbench.formulations.qvi import QVI
-from cpbench.formulations.vi import VI
+from cpbench.formulations.nonlinear import Equation, EquationPoint
+from cpbench.formulations.variational import QVI, VI
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.row_error import LEAST

@@ -18,12 +18,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import scaled
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.formulations.qvi import QVI, QVIPoint
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
+from cpbench.formulations.linear import AVI
+from cpbench.formulations.variational import QVI, VI, QVIPoint, VIPoint
 from cpbench.foundation.matrices import Sparse, Vector, norm
 from cpbench.foundation.product_cones import ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec

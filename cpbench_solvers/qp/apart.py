@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, SolverOutput

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, max_abs

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import (

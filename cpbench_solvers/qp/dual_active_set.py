@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Dense, Vector

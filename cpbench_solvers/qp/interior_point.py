@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation.kernel_cache import load, load_all
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import transpose
 from cpbench_solvers.qp.claims import ErrorMeasure, Parts
 from cpbench_solvers.qp.kkt_system import KKT, entries

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector

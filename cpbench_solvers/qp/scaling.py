@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, max_abs

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 

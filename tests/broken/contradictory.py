@@ -17,7 +17,7 @@ import numpy as np
 from cpbench import storage
 from cpbench.formulations import LCP, QP, LCPPoint, Residuals
 from cpbench.formulations.base import formulations
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.programs import QPPoint
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, register
 
 M = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import cpbench as cp
-from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.conic import ConeQP
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.complaint import complaint_of

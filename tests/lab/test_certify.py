@@ -21,7 +21,7 @@ import cpbench_lab
 from cpbench.errors import PointError
 from cpbench.formulations import AVI, LCP, MLCP, QP, Relay
 from cpbench.formulations.base import Problem
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificates.active_sets import BASIC, LOWER  # noqa: E402

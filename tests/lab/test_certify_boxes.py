@@ -20,8 +20,8 @@ from cpbench.formulations.base import Problem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.map import Builder
 from cpbench.formulations.expressions.operators import NUMPY, Operator
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificates import krawczyk, map_balls  # noqa: E402

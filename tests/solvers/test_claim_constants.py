@@ -8,12 +8,10 @@ import pytest
 import scipy.sparse as sp
 from claims import compiled_error
 
-from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
+from cpbench.formulations.linear import AVI, LCP, AVIPoint
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.verification import judge

@@ -11,8 +11,7 @@ from claims import compiled_error
 from test_page import SHOWN, of_contact
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge

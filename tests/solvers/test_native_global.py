@@ -13,8 +13,8 @@ from claims import assert_claim
 
 from cpbench import storage
 from cpbench.formulations import FCPoint, GFCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge

@@ -11,7 +11,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import GFCPoint
-from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from cpbench import storage
 from cpbench.formulations import QP
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.programs import QPPoint
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
-from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.conic import ConeQP
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, clock, solvers
 from cpbench.verification import judge

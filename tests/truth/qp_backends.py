@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 import cpbench
 from cpbench.errors import CpbenchError
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.programs import QPPoint
 
 NO_BOUND = 1e19
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)

@@ -19,7 +19,7 @@ from kept_answers import kept
 
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.verification import judge
 
 ROUNDING = 1e-13

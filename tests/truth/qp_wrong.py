@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from qp_literature import Array, Reference, literature, misses, off, unknown_sizes
 
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.programs import QPPoint
 
 
 def wrongness(problem: Any, point: Any, reference: Reference, sizes: Array) -> float:

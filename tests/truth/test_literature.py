@@ -13,7 +13,7 @@ from qp_rewritings import rewritten
 from qp_wrong import wrong_answers, wrongness
 
 from cpbench.formulations import LCP, QP
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.programs import QPPoint
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations import LCP, QP, FrictionContact
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.qp import QPPoint
+from cpbench.formulations.linear import LCPPoint
+from cpbench.formulations.programs import QPPoint
 from cpbench.verification import judge
 
 Array = NDArray[Any]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.conic import ConeQP
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge

@@ -18,7 +18,7 @@ from scipy.io import loadmat
 from tiers import by_night, some_by_day
 
 from cpbench.errors import Unavailable
-from cpbench.formulations.qp import QP, QPPoint
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.solvers import Budget, Claim, SolverOutput, Trait, solvers
 from cpbench.verification import Status, judge, no_answer, status
 from cpbench_adapters.qp_backend import DENSE_LIMIT

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import cones
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge

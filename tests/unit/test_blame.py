@@ -27,8 +27,8 @@ from cpbench.bench.results.rows import Outcome, Planned
 from cpbench.bench.results.store import Store
 from cpbench.conversions import make
 from cpbench.formulations.base import Kind, Problem
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.linear import LCP
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.solvers.base import Claim
 from cpbench.verification import TARGET_UNRESOLVABLE, Status, Verdict, judge, status
 

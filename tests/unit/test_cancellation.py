@@ -26,13 +26,10 @@ from cpbench.formulations import (
     Relay,
     SOCLCPPoint,
 )
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.cp import CPPoint
+from cpbench.formulations.conic import CPPoint, cone_fields
 from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.ge import GEPoint
-from cpbench.formulations.qvi import QVIPoint
-from cpbench.formulations.variational import VIPoint
+from cpbench.formulations.variational import GEPoint, QVIPoint, VIPoint
 from cpbench.foundation.product_cones import Cone, ProductCone
 
 MU, MU_R = 0.5, 0.25

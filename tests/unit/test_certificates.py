@@ -11,7 +11,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import AVI, LCP, MLCP, QP, ConeQP
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.proofs import certified_infeasible, holds, packed, prove, unpacked
 from cpbench.proofs.certificates import Infeasible, Unbounded

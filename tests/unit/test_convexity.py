@@ -8,7 +8,7 @@ import pytest
 
 from cpbench.conversions import make
 from cpbench.formulations import NLP, VI, Kind, NLPPoint
-from cpbench.formulations.nlp import Convexity
+from cpbench.formulations.programs import Convexity
 from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import Status, judge, status
 

@@ -17,7 +17,7 @@ from tiers import some_by_day
 
 from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations import LCP
-from cpbench.formulations.lcp import LCPPoint
+from cpbench.formulations.linear import LCPPoint
 from cpbench.solvers.base import Budget, Claim, SolverSpec, solvers
 from cpbench.solvers.external import served, session
 from cpbench.solvers.external.command import CommandSolver

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import dense
 from cpbench.generators.base import Instance, generator
 from cpbench_problems.generators.animation import BLOCK, LEAST, blocked, contact, contact_pattern, fluid

@@ -213,15 +213,20 @@ def test_the_graph_knows_no_mathematics() -> None:
 JUDGED_DATA = {
     "cpbench.errors", "cpbench.foundation.matrices", "cpbench.formulations.base", "cpbench.formulations.stack.Stack",
     "cpbench.foundation.product_cones.Cone", "cpbench.foundation.product_cones.ProductCone",
-    "cpbench.formulations.node_table.NodeTable",
+    "cpbench.registry.NodeTable",
 }  # fmt: skip
 """What the judge may read from outside its own room: data and errors, and no mathematics of the solvers."""
 READ_AS_DATA = {
-    f"cpbench.formulations.{node}.{name}"
-    for node, name in {
-        "avi": "AVI", "coneqp": "ConeQP", "fc": "FrictionContact", "lcp": "LCP", "mlcp": "MLCP", "qp": "QP"
-    }.items()
-}  # fmt: skip
+    f"cpbench.formulations.{module}"
+    for module in (
+        "linear.AVI",
+        "linear.LCP",
+        "linear.MLCP",
+        "conic.ConeQP",
+        "local_contact.FrictionContact",
+        "programs.QP",
+    )
+}
 """Problems whose kind is asked for by exact certificates, which read their arrays."""
 
 

@@ -27,11 +27,10 @@ from cpbench.formulations import (
     QPPoint,
     Relay,
 )
-from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.ncp import NCP, NCPPoint
-from cpbench.formulations.nlp import NLPPoint
-from cpbench.formulations.qvi import QVIPoint
+from cpbench.formulations.nonlinear import NCP, Equation, EquationPoint, NCPPoint
+from cpbench.formulations.programs import NLPPoint
+from cpbench.formulations.variational import QVIPoint
 from cpbench.generators import generators
 from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge

@@ -16,7 +16,7 @@ from sources import module_name, modules
 
 from cpbench.errors import DuplicateName
 from cpbench.formulations import formulations
-from cpbench.formulations.node_table import NodeTable
+from cpbench.registry import NodeTable
 from cpbench.testing.node_traits import DERIVED, MISSING, PRESENT, node_traits, tables
 
 MOST = 6

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.linear import LCP, MLCP
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.verification import judge

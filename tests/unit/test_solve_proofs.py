@@ -6,7 +6,7 @@ import numpy as np
 
 import cpbench
 from cpbench.formulations import LCP, QP
-from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.verification import Status
 
 SADDLE = np.diag([1.0, -1.0])

@@ -11,8 +11,8 @@ import pytest
 from cpbench.errors import PointError
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.solvers.base import Claim
 from cpbench.verification import (
     CHARGED_TO_ROUTE,

@@ -10,8 +10,7 @@ from lecture.numerics.examples.maps import mapped
 
 from cpbench.conversions.base import make
 from cpbench.formulations import LCP, Equation
-from cpbench.formulations.equation import EquationPoint
-from cpbench.formulations.micp import MiCPPoint
+from cpbench.formulations.nonlinear import EquationPoint, MiCPPoint
 from cpbench.verification.verdict import judge
 
 FUNCTIONS = ("min", "fb", "pfb", "ep")

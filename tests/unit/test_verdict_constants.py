@@ -7,8 +7,8 @@ import pytest
 
 from cpbench.formulations import LCP, QP, FrictionContact, MiCP, QPPoint
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.lcp import LCPPoint
-from cpbench.formulations.micp import MiCPPoint
+from cpbench.formulations.linear import LCPPoint
+from cpbench.formulations.nonlinear import MiCPPoint
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import Verdict, judge
 from cpbench.verification.equilibration import equilibrate_apart

@@ -23,8 +23,8 @@ from cpbench.formulations import (
     QPPoint,
     Relay,
 )
-from cpbench.formulations.micp import MiCPPoint
-from cpbench.formulations.nlp import NLPPoint
+from cpbench.formulations.nonlinear import MiCPPoint
+from cpbench.formulations.programs import NLPPoint
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 

@@ -21,8 +21,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
+from cpbench.formulations.linear import AVI
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 

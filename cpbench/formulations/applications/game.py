@@ -18,7 +18,7 @@ import numpy as np
 
 from cpbench.errors import PointError, ProblemError
 from cpbench.formulations.base import Info, Point, Problem
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector
 

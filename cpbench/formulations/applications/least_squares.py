@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Info, Problem
-from cpbench.formulations.qp import QP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 

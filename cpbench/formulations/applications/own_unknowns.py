@@ -8,10 +8,9 @@ from cpbench.errors import PointError
 from cpbench.formulations.applications.boxed import rows_of
 from cpbench.formulations.applications.game import game_sizes, strategies
 from cpbench.formulations.applications.least_squares import columns_of
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.qp import QP
+from cpbench.formulations.linear import AVI, LCP
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.shared.jacobians import projection_jacobian

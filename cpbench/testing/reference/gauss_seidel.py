@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.local_contact import FCPoint, FrictionContact
 from cpbench.foundation.cones import de_saxce, project_friction_cone
 from cpbench.foundation.matrices import dense
 from cpbench.solvers import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register

@@ -10,9 +10,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.linear import AVI
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.proofs.polyhedra import Polyhedron, conditions
 from cpbench_lab.diagnosis.case import Cause, FailedTrial

@@ -13,8 +13,8 @@ import numpy as np
 
 from cpbench.formulations import LCP, MLCP, QP, Relay
 from cpbench.formulations.base import Problem
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GlobalFrictionContact
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 
 Rng = np.random.Generator
