@@ -86,6 +86,13 @@ def map_field(rows: str, cols: str, *, optional: bool = False) -> Any:
     return field(default=None, metadata={"map": (rows, cols)}) if optional else field(metadata={"map": (rows, cols)})
 
 
+def point_field(size: str, *, optional: bool = False) -> Any:
+    """Declare a part of an answer, with the dimension of the problem that is its length; an optional one is empty where
+    it is left out."""
+    metadata = {"size": size}
+    return field(default_factory=lambda: np.zeros(0), metadata=metadata) if optional else field(metadata=metadata)
+
+
 @dataclass(frozen=True)
 class Info:
     """Origin of a problem and facts known of it; not part of its mathematics."""
@@ -397,9 +404,9 @@ class Problem(ABC):
         return h.hexdigest()[:32]
 
     @property
-    @abstractmethod
     def point_sizes(self) -> dict[str, int]:
         """Length of every part of an answer, in order."""
+        return {f.name: self._sizes.get(f.metadata["size"], 0) for f in fields(self.point_type)}
 
     @abstractmethod
     def residuals(self, point: Any, tolerance: float = 1e-6) -> Residuals:

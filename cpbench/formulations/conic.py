@@ -4,7 +4,7 @@ or not, and quadratic programs."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -19,6 +19,7 @@ from cpbench.formulations.base import (
     formulations,
     map_field,
     matrix_field,
+    point_field,
     scaled,
     vector_field,
 )
@@ -93,8 +94,8 @@ def cone_residuals(K: ProductCone, s: Vector, y: Vector, s_scale: float | Vector
 class CPPoint(Point):
     """x (n,), λ ≥ 0 of the rows of the polyhedral cone Ax ≥ 0 (m,)."""
 
-    x: Vector
-    lam: Vector = field(default_factory=lambda: np.zeros(0))
+    x: Vector = point_field("n")
+    lam: Vector = point_field("m", optional=True)
 
 
 @formulations.register("cp")
@@ -127,10 +128,6 @@ class CP(NonlinearProblem, ConicProblem):
         if not self.K.conical:
             raise ProblemError("cp.cone_kind", "has a disk or a ball, which is not a cone; use vi")
 
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"x": self.start.size, "lam": self.A.shape[0]}
-
     def project(self, z: Vector) -> Vector:
         return self.K.project(z)
 
@@ -154,7 +151,7 @@ class CP(NonlinearProblem, ConicProblem):
 class SOCLCPPoint(Point):
     """x, shape (n,)."""
 
-    x: Vector
+    x: Vector = point_field("n")
 
 
 @formulations.register("soclcp")
@@ -185,10 +182,6 @@ class SOCLCP(AffineProblem, ConicProblem):
         super().check()
         if not self.K.conical:
             raise ProblemError("soclcp.cone_kind", "has a cylinder ℝ₊ × disk, which is not a cone; use coneqp")
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"x": self.q.size}
 
     def slacks(self, point: SOCLCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.x + self.q}
@@ -221,8 +214,8 @@ class SOCLCP(AffineProblem, ConicProblem):
 class ConeQPPoint(Point):
     """x, shape (n,), and the multiplier y of Ax + b ∈ K, shape (m,)."""
 
-    x: Vector
-    y: Vector
+    x: Vector = point_field("n")
+    y: Vector = point_field("m")
 
 
 @formulations.register("coneqp")
@@ -270,10 +263,6 @@ class ConeQP(ConicProblem):
             raise ProblemError(
                 "coneqp.Q", f"is not symmetric, asymmetry = {matrices.asymmetry(self.Q):.1e}; use soclcp"
             )
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"x": self.p.size, "y": self.b.size}
 
     @cached_property
     def convex(self) -> bool:

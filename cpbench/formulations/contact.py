@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, Term, scaled, squared
+from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, Term, point_field, scaled, squared
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Coulomb, Law, RollingCoulomb
 from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
@@ -21,7 +21,7 @@ from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
 class FCPoint(Point):
     """r, shape (nc·d,): reactions (impulses), normal first in every contact."""
 
-    r: Vector
+    r: Vector = point_field("m")
 
 
 class _HasFriction:
@@ -155,10 +155,6 @@ class LocalContact(DelassusContact):
     """Contact in terms of reactions alone: u = Wr + q."""
 
     terms: ClassVar[tuple[Term, ...]] = (("q", 1, "W", "r"),)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"r": self.q.size}
 
     def slacks(self, point: FCPoint) -> dict[str, Vector]:
         return {"u": self.W @ point.r + self.q}

@@ -3,7 +3,7 @@ nonlinear."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -17,6 +17,7 @@ from cpbench.formulations.base import (
     formulations,
     map_field,
     matrix_field,
+    point_field,
     scaled,
     squared,
     vector_field,
@@ -36,9 +37,9 @@ BUNDLE = 512
 class GFCPoint(Point):
     """v, shape (n,): velocities of the bodies; r, shape (nc·d,): reactions; lam, shape (p,): joint reactions λ."""
 
-    v: Vector
-    r: Vector
-    lam: Vector = field(default_factory=lambda: np.zeros(0))
+    v: Vector = point_field("n")
+    r: Vector = point_field("m")
+    lam: Vector = point_field("p", optional=True)
 
 
 class _HasDynamics:
@@ -70,10 +71,6 @@ class GlobalContact(_HasDynamics, ContactProblem):
         ("w", 1, "Hᵀ", "v"),
         ("b", 1, "Gᵀ", "v"),
     )
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"v": self.f.size, "r": self.w.size, "lam": self.b.size}
 
     @property
     def small(self) -> bool:
@@ -266,8 +263,8 @@ FREE_STEPS = 50
 class NFCPoint(Point):
     """v, shape (n,): velocities of the bodies; r, shape (nc·d,): reactions."""
 
-    v: Vector
-    r: Vector
+    v: Vector = point_field("n")
+    r: Vector = point_field("m")
 
 
 @formulations.register("nfc")
@@ -296,10 +293,6 @@ class NonlinearFrictionContact(ContactProblem):
     w: Vector = vector_field("m")
     mu: Vector = vector_field("nc")
     start: Vector = vector_field("n", fill=0.0)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"v": self.start.size, "r": self.w.size}
 
     def linearized(self, v: Vector) -> GlobalFrictionContact:
         """Linearize at the velocities v, shape (n,): F(v) + F′(v)(x − v) = Hr in place of F(x) = Hr: M = F′(v), f = Mv

@@ -3,7 +3,7 @@ variational inequalities over a polyhedron with bounds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -17,6 +17,7 @@ from cpbench.formulations.base import (
     Term,
     formulations,
     matrix_field,
+    point_field,
     scaled,
     vector_field,
 )
@@ -61,7 +62,7 @@ class AffineProblem(_HasMap, Problem):
 class LCPPoint(Point):
     """z, shape (n,)."""
 
-    z: Vector
+    z: Vector = point_field("n")
 
 
 @formulations.register("lcp")
@@ -84,10 +85,6 @@ class LCP(AffineProblem):
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.q.size}
 
     @cached_property
     def z_unit(self) -> float:
@@ -141,8 +138,8 @@ def unit_free_complementarity(z: Vector, w: Vector, z_scale: float, w_scale: flo
 class MLCPPoint(Point):
     """u (free), shape (n,); v (nonnegative), shape (m,)."""
 
-    u: Vector
-    v: Vector
+    u: Vector = point_field("n")
+    v: Vector = point_field("m")
 
 
 @formulations.register("mlcp")
@@ -169,10 +166,6 @@ class MLCP(Problem):
     D: Matrix = matrix_field("m", "n")
     a: Vector = vector_field("n")
     b: Vector = vector_field("m")
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"u": self.a.size, "v": self.b.size}
 
     @cached_property
     def v_unit(self) -> float:
@@ -283,10 +276,6 @@ class Relay(AffineProblem):
     def check(self) -> None:
         check_bounds(self.node, self.lb, self.ub)
 
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.q.size}
-
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
         """Whether lb < ub, so that the unknown is not fixed, shape (n,)."""
@@ -328,9 +317,9 @@ class Relay(AffineProblem):
 class AVIPoint(Point):
     """z (n,), λ ≥ 0 of Az ≥ b (m,), μ of Cz = d (k,)."""
 
-    z: Vector
-    lam: Vector = field(default_factory=lambda: np.zeros(0))
-    mu: Vector = field(default_factory=lambda: np.zeros(0))
+    z: Vector = point_field("n")
+    lam: Vector = point_field("m", optional=True)
+    mu: Vector = point_field("k", optional=True)
 
 
 @formulations.register("avi")
@@ -377,10 +366,6 @@ class AVI(AffineProblem):
 
     def check(self) -> None:
         check_bounds(self.node, self.lb, self.ub)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.q.size, "lam": self.b.size, "mu": self.d.size}
 
     @property
     def only_box(self) -> bool:

@@ -10,7 +10,17 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Point, Residuals, Term, formulations, matrix_field, scaled, squared, vector_field
+from cpbench.formulations.base import (
+    Point,
+    Residuals,
+    Term,
+    formulations,
+    matrix_field,
+    point_field,
+    scaled,
+    squared,
+    vector_field,
+)
 from cpbench.formulations.contact import DelassusContact, FCPoint, LocalContact
 from cpbench.formulations.sizes import least_squares
 from cpbench.foundation import matrices
@@ -136,8 +146,8 @@ class AnisotropicFrictionContact(LocalContact):
 class FCMPoint(Point):
     """r, shape (nc·d,): reactions of the contacts; lam, shape (p,): reactions λ of the bilateral constraints."""
 
-    r: Vector
-    lam: Vector
+    r: Vector = point_field("m")
+    lam: Vector = point_field("p")
 
 
 @formulations.register("fcm")
@@ -174,10 +184,6 @@ class MixedFrictionContact(DelassusContact):
     q: Vector = vector_field("m")
     s: Vector = vector_field("p")
     mu: Vector = vector_field("nc")
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"r": self.q.size, "lam": self.s.size}
 
     @cached_property
     def factorization(self) -> Factorization:

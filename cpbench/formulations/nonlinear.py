@@ -10,7 +10,16 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from cpbench.formulations.base import Point, Problem, Residuals, formulations, map_field, scaled, vector_field
+from cpbench.formulations.base import (
+    Point,
+    Problem,
+    Residuals,
+    formulations,
+    map_field,
+    point_field,
+    scaled,
+    vector_field,
+)
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.sizes import check_bounds
 from cpbench.foundation.cones import box_defect, project_box
@@ -73,7 +82,7 @@ class NonlinearProblem(_HasMap, Problem):
 class EquationPoint(Point):
     """z, shape (n,)."""
 
-    z: Vector
+    z: Vector = point_field("n")
 
 
 @formulations.register("equation")
@@ -90,10 +99,6 @@ class Equation(NonlinearProblem):
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)
 
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.start.size}
-
     def residuals(self, point: EquationPoint, tolerance: float = 1e-6) -> Residuals:
         self.check_point(point)
         with np.errstate(all="ignore"):
@@ -104,7 +109,7 @@ class Equation(NonlinearProblem):
 class NCPPoint(Point):
     """z, shape (n,)."""
 
-    z: Vector
+    z: Vector = point_field("n")
 
 
 @formulations.register("ncp")
@@ -122,10 +127,6 @@ class NCP(NonlinearProblem):
 
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.start.size}
 
     def project(self, z: Vector) -> Vector:
         return np.maximum(z, 0.0)
@@ -153,7 +154,7 @@ class NCP(NonlinearProblem):
 class MiCPPoint(Point):
     """z, shape (n,)."""
 
-    z: Vector
+    z: Vector = point_field("n")
 
 
 @formulations.register("micp")
@@ -192,10 +193,6 @@ class MiCP(NonlinearProblem):
 
     def check(self) -> None:
         check_bounds(self.node, self.lb, self.ub)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.start.size}
 
     def project(self, z: Vector) -> Vector:
         return project_box(z, self.lb, self.ub)

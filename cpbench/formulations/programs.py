@@ -19,6 +19,7 @@ from cpbench.formulations.base import (
     formulations,
     map_field,
     matrix_field,
+    point_field,
     scaled,
     vector_field,
 )
@@ -35,10 +36,10 @@ from cpbench.foundation.matrices import Matrix, Vector, max_abs
 class QPPoint(Point):
     """z (n,), λ ≥ 0 of Az ≥ b (m,), μ of Cz = d (k,), ν of the box (n,): ν > 0 at lb, ν < 0 at ub."""
 
-    z: Vector
-    lam: Vector
-    mu: Vector
-    nu: Vector
+    z: Vector = point_field("n")
+    lam: Vector = point_field("m")
+    mu: Vector = point_field("k")
+    nu: Vector = point_field("n")
 
 
 @formulations.register("qp")
@@ -108,10 +109,6 @@ class QP(Problem):
         if not matrices.is_symmetric(self.Q, 1e-9):
             raise ProblemError("qp.Q", f"is not symmetric: asymmetry = {matrices.asymmetry(self.Q):.1e}")
         check_bounds(self.node, self.lb, self.ub)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.p.size, "lam": self.b.size, "mu": self.d.size, "nu": self.p.size}
 
     @property
     def has_bounds(self) -> bool:
@@ -224,10 +221,10 @@ class Convexity(StrEnum):
 class NLPPoint(Point):
     """z (n,), λ ≥ 0 of g(z) ≥ 0 (m,), μ of h(z) = 0 (k,), ν of the box (n,): ν > 0 at lb, ν < 0 at ub."""
 
-    z: Vector
-    lam: Vector
-    mu: Vector
-    nu: Vector
+    z: Vector = point_field("n")
+    lam: Vector = point_field("m")
+    mu: Vector = point_field("k")
+    nu: Vector = point_field("n")
 
 
 @formulations.register("nlp")
@@ -280,11 +277,6 @@ class NLP(Problem):
     def taken_as_convex(self) -> bool:
         """Whether its convexity is declared and not refuted."""
         return self.convexity in (Convexity.DECLARED, Convexity.CHECKED)
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        n = self.start.size
-        return {"z": n, "lam": self.g.rows, "mu": self.h.rows, "nu": n}
 
     @cached_property
     def at_start(self) -> Vector:

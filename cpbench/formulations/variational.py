@@ -3,14 +3,14 @@ part, which is projected on, and rows with multipliers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Point, Residuals, formulations, map_field, matrix_field, vector_field
+from cpbench.formulations.base import Point, Residuals, formulations, map_field, matrix_field, point_field, vector_field
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.expressions import Map
@@ -25,10 +25,10 @@ from cpbench.foundation.product_cones import Cone, ProductCone
 class VIPoint(Point):
     """z (n,), λ ≥ 0 of Az ≥ b (m,), μ of Cz = d (k,), ν ≥ 0 of g(z) ≥ 0 (p,)."""
 
-    z: Vector
-    lam: Vector = field(default_factory=lambda: np.zeros(0))
-    mu: Vector = field(default_factory=lambda: np.zeros(0))
-    nu: Vector = field(default_factory=lambda: np.zeros(0))
+    z: Vector = point_field("n")
+    lam: Vector = point_field("m", optional=True)
+    mu: Vector = point_field("k", optional=True)
+    nu: Vector = point_field("p", optional=True)
 
 
 class _HasBounds:
@@ -87,49 +87,11 @@ class SimpleSetProblem(_HasBounds, NonlinearProblem, ConicProblem):
         return np.where(self.in_free_factor, box_defect(z, w, lb, ub), cone_defect(K, z, w))
 
 
-class _HasRows:
-    A: Matrix
-    b: Vector
-    C: Matrix
-    d: Vector
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RowsProblem(_HasRows, SimpleSetProblem):
-    """A problem over X = {z ∈ S : Az ≥ b, Cz = d} and whatever the node adds.
-
-    Rows of A and C have multipliers, which are part of an answer (as in `avi`): with G = F(z) − Aᵀλ − Cᵀμ the
-    conditions are z = P_S(z − G), 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d.
-    """
-
-    def force(self, point: VIPoint) -> Vector:
-        """Return G of the class, F less the forces of the rows, at a point; shape (n,)."""
-        return self.F(point.z) - self.A.T @ point.lam - self.C.T @ point.mu
-
-    def row_defects(self, point: VIPoint) -> list[Vector]:
-        """Return min(λ, Az − b), shape (m,), and Cz − d, shape (p,): 0 where the rows hold and complement their
-        forces."""
-        return [np.minimum(point.lam, self.A @ point.z - self.b), self.C @ point.z - self.d]
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.start.size, "lam": self.b.size, "mu": self.d.size, "nu": 0}
-
-    def residuals(self, point: VIPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z = point.z
-            rows = self.row_defects(point)
-            defect = np.concatenate([self.defect(z, self.force(point)), *rows])
-            outside = norm(z - self.project(z))
-            return self.natural(defect, point.finite, infeasibility=outside)
-
-
 @dataclass(frozen=True, eq=False)
 class GEPoint(Point):
     """z, shape (n,)."""
 
-    z: Vector
+    z: Vector = point_field("n")
 
 
 @formulations.register("ge")
@@ -156,10 +118,6 @@ class GE(SimpleSetProblem):
     cone_mu_r: Vector = vector_field("c", fill=0.0)
     start: Vector = vector_field("n", fill=0.0)
 
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.start.size}
-
     def slacks(self, point: GEPoint) -> dict[str, Vector]:
         return {"w": self.F(point.z)}
 
@@ -172,7 +130,7 @@ class GE(SimpleSetProblem):
 
 @formulations.register("vi")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class VI(RowsProblem):
+class VI(SimpleSetProblem):
     """−F(z) ∈ N_X(z), X = {z ∈ K : lb ≤ z ≤ ub, Az ≥ b, Cz = d, g(z) ≥ 0}, each part of which may be left out.
 
     K is a product of {0}, ℝ, ℝ₊, second-order and rolling cones with their duals, ℝ₊ × disk, and balls. g is concave,
@@ -205,25 +163,30 @@ class VI(RowsProblem):
     cone_mu_r: Vector = vector_field("c", fill=0.0)
     start: Vector = vector_field("n", fill=0.0)
 
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return super().point_sizes | {"nu": self.g.rows}
-
     def force(self, point: VIPoint) -> Vector:
-        G = super().force(point)
+        """Return G, F less the forces of the rows, at a point; shape (n,)."""
+        G = self.F(point.z) - self.A.T @ point.lam - self.C.T @ point.mu
         return G - self.g.jacobian(point.z).T @ point.nu if self.g.rows else G
 
     def row_defects(self, point: VIPoint) -> list[Vector]:
-        rows = super().row_defects(point)
+        """Return min(λ, Az − b), Cz − d and min(ν, g): 0 where the rows hold and complement their forces."""
+        rows = [np.minimum(point.lam, self.A @ point.z - self.b), self.C @ point.z - self.d]
         return [*rows, np.minimum(point.nu, self.g(point.z))] if self.g.rows else rows
+
+    def residuals(self, point: VIPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            z = point.z
+            defect = np.concatenate([self.defect(z, self.force(point)), *self.row_defects(point)])
+            return self.natural(defect, point.finite, infeasibility=norm(z - self.project(z)))
 
 
 @dataclass(frozen=True, eq=False)
 class QVIPoint(Point):
     """z (n,), ν ≥ 0 of g(y, z) ≥ 0 (p,)."""
 
-    z: Vector
-    nu: Vector = field(default_factory=lambda: np.zeros(0))
+    z: Vector = point_field("n")
+    nu: Vector = point_field("p", optional=True)
 
 
 @formulations.register("qvi")
@@ -266,10 +229,6 @@ class QVI(SimpleSetProblem):
                 raise ProblemError(f"qvi.{name}", f"has {bound.rows} rows, expected {n} or none")
             if bound.rows and not self.in_free_factor.all():
                 raise ProblemError(f"qvi.{name}", "moves bounds beside factors of K; only free components may have any")
-
-    @property
-    def point_sizes(self) -> dict[str, int]:
-        return {"z": self.start.size, "nu": self.g.rows}
 
     def set_at(self, z: Vector) -> tuple[ProductCone, Vector, Vector]:
         """Return S(z): the product, and the bounds of its free components (lb ≤ ub unless X(z) is empty)."""
