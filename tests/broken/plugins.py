@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cpbench.conversions.mlcp import MLCPtoLCPSchur
+from cpbench.conversions.linear import MLCPtoLCPSchur
 from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.foundation import matrices

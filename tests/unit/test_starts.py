@@ -23,7 +23,7 @@ from cpbench.bench.starts import (
     step_before,
 )
 from cpbench.conversions.base import Conversion
-from cpbench.conversions.fc import FCtoSOCLCP
+from cpbench.conversions.local_contact import FCtoSOCLCP
 from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownName
 from cpbench.formulations import Contacts, FCPoint, FrictionContact, LCPPoint
 from cpbench.testing import planted

@@ -1,4 +1,4 @@
-"""Conversions of fc."""
+"""Conversions of contact in terms of reactions: fc (those by facets stand in `fc_facets`), rfc, afc and fcm."""
 
 from __future__ import annotations
 
@@ -8,17 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.conversions import contact_laws
-from cpbench.conversions.base import Conversion, SameUnknowns, edge
+from cpbench.conversions import contact_laws, elimination
+from cpbench.conversions import facets as polygon
+from cpbench.conversions.base import Conversion, SameUnknowns, Size, edge
 from cpbench.conversions.contact_laws import Frozen, FrozenConeQP, InUnits, OverCones, ToConeQP, Units
+from cpbench.conversions.elimination import Elimination
+from cpbench.conversions.facets import INTERVAL, InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.conic import SOCLCP, ConeQP, cone_fields
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.formulations.local_contact import FrictionContact
+from cpbench.formulations.local_contact import (
+    AnisotropicFrictionContact,
+    FCMPoint,
+    FrictionContact,
+    MixedFrictionContact,
+    RollingFrictionContact,
+)
 from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.formulations.variational import QVI
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector, max_abs, with_diagonal
 from cpbench.foundation.product_cones import Cone, ProductCone
 
@@ -303,3 +313,221 @@ class FCtoVI(OverCones):
 
     Trace: `unit`, `size`, `steepness`.
     """
+
+
+@edge("rfc-coneqp")
+class RFCtoConeQP(FrozenConeQP):
+    """Rolling frictional contact → cone QP, De Saxcé's shift frozen.
+
+    Source  u = Wr + q,  K* ∋ u + (μ‖u_T‖ + μ_r‖ω‖)e_N ⟂ r ∈ K, K the rolling cone,  W symmetric.
+    Target  min ½rᵀWr + (q + s e_N)ᵀr over r ∈ ΠK, with s_c given for μ_c‖u_Tc‖ + μ_rc‖ω_c‖ (0 by default).
+    Lift    r.        Push  r, y = Wr + q + s e_N.
+    Kind    relaxation: exact where no contact moves along or turns, open ones included; one step of the fixed point on
+            s otherwise.
+
+    `slip`: s_c [m/s], one number a contact, none for s = 0. Trace: `W`, `q` (shifted).
+    """
+
+    instead = "no conversion without a gradient leads to coneqp"
+
+
+@edge("rfc-cp", equation="(17)")
+class RFCtoCP(OverCones):
+    """Rolling frictional contact → cone complementarity problem (equation (17)).
+
+    Source  u = Wr + q,  K* ∋ û = u + (μ‖u_T‖ + μ_r‖ω‖)e_N ⟂ r ∈ K = {‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}.
+    Target  K ∋ x ⟂ F(x) ∈ K* with F(x) = û in units of the problem, r = Dx, where μ_r has units too (`contact_laws`).
+    Lift    Dx.        Push  D⁻¹r.
+    Kind    equivalent. F is not differentiable where u_T or ω is 0, and not monotone.
+
+    Trace: `unit`, `size`, `steepness`.
+    """
+
+    unknown = "x"
+
+
+@edge("rfc-lcp-2d", equation="(47)-(48), rolling", kind=Kind.EQUIVALENT, cost=2.0)
+class RFCtoLCP2D(PolygonEdge):
+    """Rolling frictional contact → LCP in the plane, where the rolling cone is a polyhedron.
+
+    Source  u = Wr + q, rolling contact law with r = (r_N, r_T, m).
+    Target  x = (r_N, β₁, β₂, λ, γ₁, γ₂, κ) a contact, r_T = β₁ − β₂,  m = γ₁ − γ₂:
+            0 ≤ r_N ⟂ u_N ≥ 0,  0 ≤ β ⟂ λ + (u_T, −u_T) ≥ 0,  0 ≤ λ ⟂ μ r_N − β₁ − β₂ ≥ 0,
+                                0 ≤ γ ⟂ κ + (ω, −ω) ≥ 0,      0 ≤ κ ⟂ μ_r r_N − γ₁ − γ₂ ≥ 0.
+    Lift    r = (r_N, β₁ − β₂, γ₁ − γ₂).        Push  positive and negative parts,  λ = |u_T|,  κ = |ω|.
+    Kind    equivalent.
+
+    Trace: `W`, `q`, `mu`, `mu_r`, for the multipliers of `push`.
+    """
+
+    @property
+    def vertices(self) -> Dense:
+        """[1, −1]."""
+        return INTERVAL
+
+    def obstacle(self, problem: RollingFrictionContact) -> str | None:
+        if problem.dimension == 3:
+            return None
+        return f"a contact has {problem.dimension} rows, where the cone has no facets; use rfc-lcp-facets"
+
+
+@edge("rfc-lcp-facets", equation="(47)-(48), rolling", kind=Kind.APPROXIMATE, cost=4.0)
+class RFCtoLCPFacets(InscribedEdge):
+    """Rolling frictional contact → LCP by inscribed polygons for forces and moments.
+
+    Source  u = Wr + q, rolling contact law with disks of radius μ r_N and μ_r r_N.
+    Target  x = (r_N, β ∈ ℝ^ν, λ, γ ∈ ℝ^ν, κ) a contact, r_T = Dβ,  m = Dγ, d_i at angle + 2πi/ν:
+            0 ≤ r_N ⟂ u_N ≥ 0,  0 ≤ β ⟂ λe + Dᵀu_T ≥ 0,  0 ≤ λ ⟂ μ r_N − eᵀβ ≥ 0,
+                                0 ≤ γ ⟂ κe + Dᵀω ≥ 0,    0 ≤ κ ⟂ μ_r r_N − eᵀγ ≥ 0.
+    Lift    r = (r_N, Dβ, Dγ).
+    Push    r_T and m projected on their polygons, λ = max_i(−d_iᵀu_T), κ = max_i(−d_iᵀω).
+    Kind    approximate: radii too small by up to 1 − cos(π/ν), directions off by up to 180°/ν whatever the speed.
+
+    `facets` vertices on both circles, the first at `angle` [rad]. Trace: `W`, `q`, `mu`, `mu_r`, for `push`.
+    """
+
+    def obstacle(self, problem: RollingFrictionContact) -> str | None:
+        wrong = polygon.wrong_knobs(self.facets, self.angle)
+        if wrong is None and problem.dimension != 5:
+            return f"a contact has {problem.dimension} rows, where the law is an LCP exactly; use rfc-lcp-2d"
+        return wrong
+
+
+@edge("rfc-vi", equation="(22)")
+class RFCtoVI(OverCones):
+    """Rolling frictional contact → variational inequality (equation (22)).
+
+    Source  u = Wr + q,  K* ∋ û = u + (μ‖u_T‖ + μ_r‖ω‖)e_N ⟂ r ∈ K = {‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}.
+    Target  F(x)ᵀ(y − x) ≥ 0 for all y ∈ ΠK with F(x) = û in units of the problem, r = Dx (`contact_laws`).
+    Lift    Dx.        Push  D⁻¹r.
+    Kind    equivalent: a variational inequality over a cone is its complementarity problem. F is not monotone.
+
+    Trace: `unit`, `size`, `steepness`.
+    """
+
+
+@edge("afc-fc", equation="P_L, elliptic cone", kind=Kind.EQUIVALENT, cost=1.0)
+class AFCtoFC(Conversion):
+    """Anisotropic → isotropic frictional contact by scaling the tangents.
+
+    Source  u = Wr + q, elliptic cone {‖(r₁/μ₁, r₂/μ₂)‖ ≤ r_N}, associated slip.
+    Target  S = diag(1, μ₁, μ₂) a contact:  W′ = SWS,  q′ = Sq,  μ′ = 1.
+    Lift    r = Sr′ (and u = S⁻¹u′).        Push  r′ = S⁻¹r.
+    Kind    equivalent, for positive μ₁ and μ₂.
+
+    Trace: `S` (a vector).
+    """
+
+    def apply(self, problem: AnisotropicFrictionContact) -> tuple[FrictionContact, Trace]:
+        S = problem.scaling
+        W = matrices.scaled_both(problem.W, S)
+        return FrictionContact(W=W, q=S * problem.q, mu=np.ones(problem.nc), dimension=3), {"S": S}
+
+    def lift(self, point: FCPoint, trace: Trace) -> FCPoint:
+        return FCPoint(r=trace["S"] * point.r)
+
+    def push(self, point: FCPoint, trace: Trace) -> FCPoint:
+        return FCPoint(r=point.r / trace["S"])
+
+
+PSEUDO_INVERSE_LIMIT = 2000
+"""Most constraints whose singular R is pseudo-inverted (a dense singular value decomposition)."""
+RANGE_TOLERANCE = 1e-9
+"""Share of s or Vᵀ outside the range of R up to which they count as in it."""
+
+
+@edge("fcm-fc", equation="P_L", cost=1.0)
+class FCMtoFC(Elimination):
+    """Local mixed → local frictional contact: the reactions of bilateral constraints eliminated.
+
+    Source  u = Wr + Vλ + q,  Vᵀr + Rλ + s = 0, contact law.
+    Target  u = (W − VR⁻¹Vᵀ)r + q − VR⁻¹s, the same law, the same r. A singular R (constraints that repeat each other)
+            has R⁺ in its place when s and the columns of Vᵀ are in its range.
+    Lift    λ = −R⁻¹(Vᵀr + s), of least norm where R is singular.        Push  r.
+    Kind    equivalent while eps cond(R) <= 1e-8 (`elimination.LOSSLESS`), one-way beyond: the target may then lack
+            solutions of the source, and what is lifted is as exact as rounding leaves it. Refused from cond(R) = 1e13
+            on. A singular R is as good as the part of it that R⁺ inverts, and one-way where V N is not 0, N the null
+            space of R: motions of the contacts then depend on parts of λ that r does not decide, and only the least λ
+            is found.
+
+    Trace: `factor` (R) or `pseudo` (R⁺), `V`, `s`.
+    """
+
+    eliminated = "R"
+
+    def rcond(self, problem: MixedFrictionContact) -> float:
+        """Return that of R, or of the part of a singular R that R⁺ inverts (1-norm)."""
+        if not problem.factorization.singular:
+            return problem.factorization.rcond
+        sizes = [float(np.abs(part).sum(axis=0).max()) for part in (matrices.dense(problem.R), problem.pseudo_inverse)]
+        return 1.0 / (sizes[0] * sizes[1]) if sizes[0] > 0.0 else 1.0
+
+    def exactness(self, problem: MixedFrictionContact) -> Kind:
+        return Kind.ONE_WAY if _free(problem) > RANGE_TOLERANCE else super().exactness(problem)
+
+    def reservation(self, problem: MixedFrictionContact) -> str:
+        free = _free(problem)
+        if free > RANGE_TOLERANCE:
+            return (
+                f"R is singular and {free:.1e} of V acts on its null space: λ moves contacts in ways r does not decide"
+            )
+        return super().reservation(problem)
+
+    def obstacle(self, problem: MixedFrictionContact) -> str | None:
+        if not problem.factorization.singular:
+            return None
+        p = problem.s.size
+        if p > PSEUDO_INVERSE_LIMIT:
+            why = elimination.singularity(problem.factorization, "R", "take constraints out that repeat others")
+            return f"{why} (more than {PSEUDO_INVERSE_LIMIT} constraints, no pseudo-inverse is tried)"
+        inverse, R = problem.pseudo_inverse, matrices.dense(problem.R)
+        outside = np.eye(p) - R @ inverse
+        for name, rows in (("s", problem.s[:, None]), ("Vᵀ", matrices.dense(problem.V).T)):
+            off, top = matrices.max_abs(outside @ rows), matrices.max_abs(rows)
+            if off > RANGE_TOLERANCE * top:
+                rank = matrices.rank(problem.R)
+                return (
+                    f"R ({p}x{p}, rank {rank}) is singular and {name} is not in its range, "
+                    f"{off / top:.1e} of it is outside: the constraints contradict each other or bind r alone"
+                )
+        return None
+
+    def predict(self, problem: MixedFrictionContact) -> Size:
+        return elimination.size_bound(
+            problem.V, problem.factorization, matrices.transpose(problem.V), matrices.nnz(problem.W)
+        )
+
+    def apply(self, problem: MixedFrictionContact) -> tuple[FrictionContact, Trace]:
+        self.require(problem)
+        V, factor = problem.V, problem.factorization
+        trace = {"V": V, "s": problem.s}
+        if factor.singular:
+            inverse = problem.pseudo_inverse
+            less = matrices.dense(V) @ inverse @ matrices.dense(V).T
+            shift = V @ (inverse @ problem.s)
+            trace["pseudo"] = inverse
+        else:
+            less = elimination.congruence(matrices.transpose(V), factor)
+            shift = V @ factor.solve(problem.s)
+            trace["factor"] = factor
+        W = elimination.compact(problem.W - less)
+        if matrices.is_symmetric(problem.W) and matrices.is_symmetric(problem.R):
+            W = elimination.symmetrised(W)
+        return FrictionContact(W=W, q=problem.q - shift, mu=problem.mu, dimension=problem.dimension), trace
+
+    def lift(self, point: FCPoint, trace: Trace) -> FCMPoint:
+        right = trace["V"].T @ point.r + trace["s"]
+        lam = trace["factor"].solve(right) if "factor" in trace else trace["pseudo"] @ right
+        return FCMPoint(r=point.r, lam=-lam)
+
+    def push(self, point: FCMPoint, trace: Trace) -> FCPoint:
+        return FCPoint(r=point.r)
+
+
+def _free(problem: MixedFrictionContact) -> float:
+    """Return the share of V that acts on the null space of R, 0 where R is nonsingular."""
+    top = matrices.max_abs(problem.V)
+    if not problem.factorization.singular or top == 0.0:
+        return 0.0
+    null = np.eye(problem.s.size) - problem.pseudo_inverse @ matrices.dense(problem.R)
+    return matrices.max_abs(problem.V @ null) / top

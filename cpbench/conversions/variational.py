@@ -1,4 +1,4 @@
-"""Conversions of vi."""
+"""Conversions of variational inequalities: vi, qvi and ge."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.conversions import nonlinear, qualification
+from cpbench.conversions import maps, qualification
 from cpbench.conversions.base import Conversion, SameUnknowns, edge
 from cpbench.formulations.base import Kind, Trace, formulations
 from cpbench.formulations.conic import CP, cone_fields
@@ -14,7 +14,7 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder, product
 from cpbench.formulations.linear import AVI, AVIPoint
 from cpbench.formulations.nonlinear import Equation, MiCP, MiCPPoint
-from cpbench.formulations.variational import GE, VI, GEPoint, VIPoint
+from cpbench.formulations.variational import GE, QVI, VI, GEPoint, QVIPoint, VIPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench.foundation.product_cones import Cone
@@ -33,11 +33,7 @@ class VItoAVI(Conversion):
     """
 
     def obstacle(self, problem: VI) -> str | None:
-        return (
-            nonlinear.curved(problem.F, "F")
-            or nonlinear.curved(problem.g, "g")
-            or nonlinear.no_box(problem, "vi-ge or vi-cp")
-        )
+        return maps.curved(problem.F, "F") or maps.curved(problem.g, "g") or maps.no_box(problem, "vi-ge or vi-cp")
 
     def apply(self, problem: VI) -> tuple[AVI, Trace]:
         self.require(problem)
@@ -80,12 +76,12 @@ class VItoCP(SameUnknowns):
             return f"X has {problem.g.rows} rows g(z) ≥ 0 and {problem.d.size} rows Cz = d; use vi-ge"
         if problem.b.any():
             return f"the rows Az ≥ b have max|b| = {abs(problem.b).max():.1e}, so that X is not a cone; use vi-ge"
-        why = nonlinear.no_cone(problem)
+        why = maps.no_cone(problem)
         return f"{why}; use vi-ge" if why else None
 
     def apply(self, problem: VI) -> tuple[CP, Trace]:
         self.require(problem)
-        K = cone_fields(nonlinear.as_cone(problem))
+        K = cone_fields(maps.as_cone(problem))
         return CP(F=problem.F, A=problem.A, start=problem.start, **K), {}  # pyright: ignore[reportArgumentType]
 
 
@@ -208,9 +204,135 @@ class VItoMiCP(SetConditions):
     """
 
     def obstacle(self, problem: VI) -> str | None:
-        return nonlinear.no_box(problem, "vi-ge")
+        return maps.no_box(problem, "vi-ge")
 
     def apply(self, problem: VI) -> tuple[MiCP, Trace]:
         self.require(problem)
         fields, trace = self.conditions(problem, *problem.box)
         return MiCP(**fields), trace
+
+
+@edge("qvi-micp", equation="(22) with X(z) → (20)", kind=Kind.ONE_WAY, cost=2.0)
+class QVItoMiCP(Conversion):
+    """QVI → MiCP: rows and moving bounds by multipliers (equations (22) with X(z) and (20)).
+
+    Source  −F(z) ∈ N_X(z)(z),  X(z) = {y ∈ K : lb ≤ y ≤ ub, lower(z) ≤ y ≤ upper(z), g(y, z) ≥ 0}, K of {0}, ℝ and ℝ₊.
+    Target  x = (z, λ, κ, ν),  (F − λ + κ − ∇_y g(z, z)ᵀν, z − lower(z), upper(z) − z, g(z, z)),  z in its box,
+            λ, κ, ν ≥ 0.
+    Lift    z, ν, the parts of x.        Push  λ and κ are the force on z where a moving bound is the tighter one.
+    Kind    equivalent where g is affine; for any other g that is concave in y one-way: a solution may have no
+            multipliers. So a generalized Nash game is solved by the conditions of all players at once.
+
+    Trace: `n`, `low`, `up`, the sizes of z, λ and κ; lb, ub; the target's `map`.
+    """
+
+    best_kind = Kind.EQUIVALENT
+
+    def exactness(self, problem: QVI) -> Kind:
+        return self.best_kind if problem.g.compiled.affine else self.kind
+
+    def reservation(self, problem: QVI) -> str:
+        curved = int((np.diff(problem.g.compiled.C.indptr) > 0).sum())
+        return f"{curved} rows of g are not affine, for which no constraint qualification is known"
+
+    def obstacle(self, problem: QVI) -> str | None:
+        return maps.no_box(problem, "newton-qvi on the problem itself")
+
+    def apply(self, problem: QVI) -> tuple[MiCP, Trace]:
+        self.require(problem)
+        n, (lb, ub) = problem.start.size, problem.box
+        F = _conditions(problem)
+        more = F.inputs - n
+        target = MiCP(
+            F=F,
+            lb=np.concatenate([lb, np.zeros(more)]),
+            ub=np.concatenate([ub, np.full(more, np.inf)]),
+            start=np.concatenate([problem.start, np.zeros(more)]),
+        )
+        sizes = {"n": n, "low": problem.lower.rows, "up": problem.upper.rows}
+        return target, {**sizes, "lb": lb, "ub": ub, "map": maps.kept(F)}
+
+    def lift(self, point: MiCPPoint, trace: Trace) -> QVIPoint:
+        n, low, up = trace["n"], trace["low"], trace["up"]
+        return QVIPoint(z=point.z[:n], nu=point.z[n + low + up :])
+
+    def push(self, point: QVIPoint, trace: Trace) -> MiCPPoint:
+        n, low, up = trace["n"], trace["low"], trace["up"]
+        z, nothing = point.z, np.zeros(low + up)
+        values = maps.restored(trace["map"])(np.concatenate([z, nothing, point.nu]))
+        force, above, below = values[:n], values[n : n + low], values[n + low : n + low + up]
+        lam = np.where(z - above >= trace["lb"], np.maximum(force, 0.0), 0.0) if low else above
+        kappa = np.where(z + below <= trace["ub"], np.maximum(-force, 0.0), 0.0) if up else below
+        return MiCPPoint(z=np.concatenate([z, lam, kappa, point.nu]))
+
+
+def _conditions(problem: QVI) -> Map:
+    """Return F(z, λ, κ, ν) of the target."""
+    n, low, up, p = problem.start.size, problem.lower.rows, problem.upper.rows, problem.g.rows
+    record = MapRecorder(n + low + up + p)
+    z, lam, kappa, nu = np.split(record.z, np.cumsum([n, low, up]))
+    force, rows = record(problem.F, z), []
+    if low:
+        force = force - lam
+        rows.append(z - record(problem.lower, z))
+    if up:
+        force = force + kappa
+        rows.append(record(problem.upper, z) - z)
+    if p:
+        both = np.concatenate([z, z])
+        force = force - record.transposed(problem.g, both, nu)[:n]
+        rows.append(record(problem.g, both))
+    return record.map(force, *rows)
+
+
+@edge("ge-avi", equation="(27) → (22)", kind=Kind.EQUIVALENT, cost=1.0)
+class GEtoAVI(SameUnknowns):
+    """Generalized equation → AVI over a box, F affine (equations (27) and (22)).
+
+    Source  0 ∈ F(z) + N_S(z),  F(z) = Mz + q,  S = {z ∈ K : lb ≤ z ≤ ub}, K a product of {0}, ℝ and ℝ₊.
+    Target  −(Mz + q) ∈ N_X(z), X the box with the bounds of S.
+    Lift    z.        Push  z.
+    Kind    equivalent.
+    """
+
+    def obstacle(self, problem: GE) -> str | None:
+        return maps.curved(problem.F, "F") or maps.no_box(problem, "ge-vi")
+
+    def apply(self, problem: GE) -> tuple[AVI, Trace]:
+        self.require(problem)
+        F = problem.F.compiled
+        lb, ub = problem.box
+        return AVI(M=F.M, q=F.q, lb=lb, ub=ub), {}
+
+
+@edge("ge-micp", equation="(27) → (21)", kind=Kind.EQUIVALENT, cost=1.0)
+class GEtoMiCP(SameUnknowns):
+    """Generalized equation → MiCP, S a box (equations (27) and (21)).
+
+    Source  0 ∈ F(z) + N_S(z),  S = {z ∈ K : lb ≤ z ≤ ub}, K a product of {0}, ℝ and ℝ₊.
+    Target  the MiCP of F with the bounds of S: 0 and 0 for a factor {0}, 0 and ∞ for ℝ₊.
+    Lift    z.        Push  z.
+    Kind    equivalent.
+    """
+
+    def obstacle(self, problem: GE) -> str | None:
+        return maps.no_box(problem, "ge-vi")
+
+    def apply(self, problem: GE) -> tuple[MiCP, Trace]:
+        self.require(problem)
+        lb, ub = problem.box
+        return MiCP(F=problem.F, lb=lb, ub=ub, start=problem.start), {}
+
+
+@edge("ge-vi", equation="(27) → (22)", kind=Kind.EQUIVALENT, cost=1.0)
+class GEtoVI(SameUnknowns):
+    """Generalized equation → VI (equations (24) and (27)).
+
+    Source  0 ∈ F(z) + N_S(z),  S = {z ∈ K : lb ≤ z ≤ ub}.
+    Target  F(z)ᵀ(y − z) ≥ 0 for all y ∈ S.
+    Lift    z.        Push  z.
+    Kind    equivalent: that is what a normal cone is.
+    """
+
+    def apply(self, problem: GE) -> tuple[VI, Trace]:
+        return VI(F=problem.F, **problem.data()), {}  # pyright: ignore[reportArgumentType]
