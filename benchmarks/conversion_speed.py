@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.conversions import facets, make
 from cpbench.formulations import FrictionContact
-from cpbench.storage.hdf5_writer import COMPRESS_ABOVE
+from cpbench.storage.hdf5_tree import COMPRESS_ABOVE
 
 FACETS = 8
 

@@ -24,8 +24,7 @@ from cpbench.formulations.base import Contacts, Info, Problem, Sequence, Step
 from cpbench.foundation import matrices
 from cpbench.foundation.factorization import Factorization
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
-from cpbench.storage.hdf5_tree import Tree
-from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text
+from cpbench.storage.hdf5_tree import Tree, put_array, put_attribute, put_text
 
 TEXTS = ("title", "description", "math_info")
 _ATTRIBUTES = ("source", "licence", "family", "citation")
@@ -142,7 +141,7 @@ def _read_trace(group: Tree, depth: int) -> dict[str, Any]:
     for name in group.names():
         if not group.is_group(name):
             value: Any = matrices.freeze(group.array(name, None, None))
-            marked = group.marks(name)
+            marked = group.attributes(name)
         else:
             child = group.child(name)
             marked = child.attributes()

@@ -23,8 +23,7 @@ from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem, write_problem
 from cpbench.storage.hdf5_points import put_guesses, put_point, put_solution, read_point
-from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
-from cpbench.storage.hdf5_writer import new_file
+from cpbench.storage.hdf5_tree import SIGNATURE, Tree, new_file, open_tree
 
 
 def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:

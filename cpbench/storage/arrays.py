@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import pickletools
 import re
-import struct
-import tokenize
 import warnings
 import zipfile
-import zlib
+from collections.abc import Generator
 from pathlib import Path
 from typing import IO, Any
 
@@ -27,13 +26,6 @@ SPARSE = ("data", "indices", "indptr", "shape")
 """Parts of a sparse matrix NAME: NAME.data, NAME.indices, NAME.indptr, NAME.shape."""
 _EXPANSION = 1100
 """Deflate cannot expand by more than 1032."""
-_ZIP_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, LookupError, struct.error)
-"""Exceptions of zipfile on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
-_HEADER_DAMAGE = (
-    ValueError, TypeError, SyntaxError, LookupError, ArithmeticError, AttributeError, RecursionError, MemoryError,
-    EOFError, struct.error, tokenize.TokenError,
-)  # fmt: skip
-"""Exceptions of NumPy on damaged headers, which it takes for Python and cuts into tokens."""
 
 
 def read_matrix(path: str | Path) -> Matrix:
@@ -67,40 +59,45 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
     An entry of `optional` that holds a pickled None (NumPy's way to write an absent array) is left out: its
     pickle is compared with that of None, opcode by opcode, and never run.
     """
-    read_head(path)
     arrays: dict[str, NDArray[Any]] = {}
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for entry in archive.infolist():
-                name = entry.filename.removesuffix(".npy")
-                # before it is unpacked: a bomb of zeros declares gigabytes in kilobytes
-                if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
-                    raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
-                with archive.open(entry) as stream:
-                    _npy_header(path, name, stream, entry.file_size)
-                array = read_npy(path, name, archive.read(entry), may_be_none=name in optional)
-                if array is not None:
-                    arrays[name] = array
-    except _ZIP_DAMAGE as cause:
-        raise FormatError(path, "", f"is not a readable .npz archive ({first_line(cause)})") from None
+    with _archive(path) as archive:
+        for entry in archive.infolist():
+            name = entry.filename.removesuffix(".npy")
+            # before it is unpacked: a bomb of zeros declares gigabytes in kilobytes
+            if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
+                raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
+            with archive.open(entry) as stream:
+                _npy_header(path, name, stream, entry.file_size)
+            array = read_npy(path, name, archive.read(entry), may_be_none=name in optional)
+            if array is not None:
+                arrays[name] = array
     return arrays
 
 
 def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     """Return the shapes that the arrays of an .npz declare without reading them, (0,) for Python objects, which may be
     None; raises FormatError."""
-    read_head(path)
     shapes: dict[str, tuple[int, ...]] = {}
+    with _archive(path) as archive:
+        for entry in archive.infolist():
+            name = entry.filename.removesuffix(".npy")
+            with archive.open(entry) as stream:
+                shape, _, dtype = _npy_header(path, name, stream, entry.file_size)
+                shapes[name] = (0,) if dtype.hasobject else shape
+    return shapes
+
+
+@contextlib.contextmanager
+def _archive(path: Path) -> Generator[zipfile.ZipFile]:
+    """Open an .npz; what zipfile raises on a damaged one, which may be anything, becomes a FormatError."""
+    read_head(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            for entry in archive.infolist():
-                name = entry.filename.removesuffix(".npy")
-                with archive.open(entry) as stream:
-                    shape, _, dtype = _npy_header(path, name, stream, entry.file_size)
-                    shapes[name] = (0,) if dtype.hasobject else shape
-    except _ZIP_DAMAGE as cause:
-        raise FormatError(path, "", f"is not a readable .npz archive ({first_line(cause)})") from None
-    return shapes
+            yield archive
+    except FormatError:
+        raise
+    except Exception as cause:
+        raise FormatError(path, "", f"is not a readable .npz archive ({first_line(cause)})") from cause
 
 
 def sparse_from_parts(path: Path, where: str, parts: dict[str, NDArray[Any]]) -> sp.csr_array:
@@ -171,8 +168,8 @@ def _npy_header(path: Path, name: str, stream: IO[bytes], size: int) -> tuple[tu
         with warnings.catch_warnings(action="ignore"):  # of Python on what it takes for a program
             version = npy.read_magic(stream)
             header = npy.read_array_header_1_0(stream) if version == (1, 0) else npy.read_array_header_2_0(stream)
-    except _HEADER_DAMAGE as cause:
-        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({first_line(cause)})") from None
+    except Exception as cause:  # NumPy takes a header for Python, and raises what Python does
+        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({first_line(cause)})") from cause
     shape, fortran, dtype = header
     held = size - stream.tell()
     # in Python's integers, which do not overflow to something that fits

@@ -27,8 +27,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.storage.annotations import read_info, read_place, read_provenance, write_texts
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
-from cpbench.storage.hdf5_tree import Tree
-from cpbench.storage.hdf5_writer import put_array, put_integer
+from cpbench.storage.hdf5_tree import Tree, put_array, put_integer
 
 LOCAL, GLOBAL, ROLLING = "fclib_local", "fclib_global", "fclib_global_rolling"
 GROUPS = {

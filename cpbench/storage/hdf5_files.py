@@ -14,8 +14,7 @@ from cpbench.formulations.base import Point, Problem
 from cpbench.storage import fclib, native
 from cpbench.storage.base import SEPARATOR, Format, formats, stem
 from cpbench.storage.hdf5_points import put_guesses, put_solution
-from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
-from cpbench.storage.hdf5_writer import new_file
+from cpbench.storage.hdf5_tree import SIGNATURE, Tree, new_file, open_tree
 
 SUFFIXES = (".hdf5", ".h5")
 _PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING}

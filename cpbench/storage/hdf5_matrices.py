@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Sparse
-from cpbench.storage.hdf5_tree import Tree
-from cpbench.storage.hdf5_writer import put_array, put_integer
+from cpbench.storage.hdf5_tree import Tree, put_array, put_integer
 
 logger = logging.getLogger("cpbench.storage")
 CSC, CSR = -1, -2

@@ -19,8 +19,7 @@ from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.local_contact import FCMPoint
-from cpbench.storage.hdf5_tree import Tree
-from cpbench.storage.hdf5_writer import put_array, put_attribute, put_integer
+from cpbench.storage.hdf5_tree import Tree, put_array, put_attribute, put_integer
 
 _FCLIB = {"lam": "l"}
 """Parts of contact points that FCLIB calls otherwise; it has none of these where they are empty."""

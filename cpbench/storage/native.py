@@ -37,8 +37,7 @@ from cpbench.storage.annotations import (
 )
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_matrix
-from cpbench.storage.hdf5_tree import Tree
-from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text
+from cpbench.storage.hdf5_tree import Tree, put_array, put_attribute, put_text
 
 VERSION = 1
 _PLACE = frozenset({"sequence", "contacts"})

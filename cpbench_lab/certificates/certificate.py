@@ -29,7 +29,7 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench.storage.base import write_atomic
-from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
+from cpbench.storage.hdf5_tree import new_file, put_array, put_attribute
 
 VERSION = 4
 MEASURED, ENCLOSED, PROVED, DISTANT, REFUTED = "measured", "enclosed", "proved", "distant", "refuted"

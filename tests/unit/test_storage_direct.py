@@ -13,7 +13,6 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench import storage
-from cpbench.errors import FormatError
 from cpbench.formulations import LCP
 from cpbench.foundation.matrices import matrix
 
@@ -50,13 +49,3 @@ def test_indices_of_any_width_are_read(tmp_path: Path, stored: str, held: type) 
     assert got.indices.dtype == held
     assert (got != M).nnz == 0
     assert matrix(got) is got
-
-
-@pytest.mark.parametrize("bad", [-1, 3])
-def test_indices_beyond_the_matrix_are_refused(tmp_path: Path, bad: int) -> None:
-    path = tmp_path / "a.h5"
-    storage.save(LCP(M=sp.csr_array(np.eye(3)), q=np.ones(3)), path)
-    with h5py.File(path, "r+") as file:
-        file["cpbench/M/i"][1] = bad
-    with pytest.raises(FormatError, match=f"holds the index {bad}, expected 0 to 2"):
-        storage.load(path)

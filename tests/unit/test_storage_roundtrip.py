@@ -28,18 +28,6 @@ from cpbench.storage import base
 CASES = cases()
 
 
-@pytest.mark.parametrize("compress", [True, False])
-@pytest.mark.parametrize("name", some_by_day(CASES, 20))
-def test_hdf5_is_bit_exact(name: str, compress: bool, tmp_path: Path) -> None:
-    problem = CASES[name]
-    path = tmp_path / f"{name}.h5"
-    storage.save(problem, path, compress=compress)
-    loaded = storage.load(path)
-    assert same(loaded, dataclasses.replace(problem, name=problem.name or name))
-    assert loaded.fingerprint == problem.fingerprint
-    assert storage.members(path) == [""]
-
-
 def text_refusal(problem: Any) -> str:
     """Why Siconos text cannot hold a problem, "" when it can."""
     if problem.node in ("qp", "afc", "fcm", "coneqp"):

@@ -200,7 +200,7 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
             chosen = next((some for some in (exact, mine, labels) if len(some) == 1), [])
             if not chosen:
                 raise group.error("", f"holds {', '.join(labels[:4])}: --solver names none of them, or several")
-            vector, claimed = group.array(chosen[0]), group.marks(chosen[0]).get("claim", "")
+            vector, claimed = group.array(chosen[0]), group.attributes(chosen[0]).get("claim", "")
             claim = str(claimed) if claimed in list(Claim) else ""
             listed.append(
                 (

@@ -20,7 +20,7 @@ from cpbench.storage import answers, dispatch
 from cpbench.storage.base import write_atomic
 from cpbench.storage.fclib import GROUPS
 from cpbench.storage.hdf5_points import put_point
-from cpbench.storage.hdf5_writer import new_file
+from cpbench.storage.hdf5_tree import new_file
 
 
 class FCLIBFile(Exchange):
