@@ -15,7 +15,6 @@ import logging
 import os
 import pkgutil
 import re
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Sequence
@@ -26,7 +25,6 @@ from types import ModuleType
 from typing import Any
 
 from cpbench.foundation import locks
-from cpbench.foundation.child_processes import start_python
 from cpbench.foundation.imports import uncollected
 
 LOG = logging.getLogger(__name__)
@@ -39,14 +37,6 @@ _TAKEN = re.compile(r"^from ([\w.]+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
 _KEPT = re.compile(r"^@njit\([\s\S]*?(cache=True|\*\*(COMPILED|KEPT|QUICK))", re.MULTILINE)
 """Decorator of a kernel that is in the cache; others are compiled where they are used."""
-
-_SIDE = """
-import sys
-from cpbench.foundation.kernel_cache import load
-for module in sys.argv[1:]:
-    load(module)
-"""
-"""Program of the other process of `load_all`."""
 
 
 def ensure_cache_dir() -> Path:
@@ -127,22 +117,9 @@ def _load(module: str) -> ModuleType:
 
 
 def load_all(package: str, names: Sequence[str]) -> None:
-    """Load kernel modules of `package`, side by side where they are to be compiled: another process begins with the
-    last."""
-    modules = [f"{package}.{name}" for name in names]
-    cold = [module for module in modules if not (_is_loaded(module) or is_compiled(module))]
-    side = None
-    if len(cold) > 1 and (os.cpu_count() or 1) > 1:
-        quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        with contextlib.suppress(OSError):  # it only saves time
-            side = start_python(_SIDE, *reversed(cold[1:]), **quiet)
-    try:
-        for module in modules:  # one that the other process holds is waited for, what it failed on is compiled here
-            load(module)
-    finally:
-        if side is not None:
-            side.kill()
-            side.wait()
+    """Load kernel modules of `package`."""
+    for name in names:
+        load(f"{package}.{name}")
 
 
 @contextlib.contextmanager
@@ -168,7 +145,7 @@ def compiling_reported(report: Callable[[], object]) -> Generator[None]:
 def compiled(kernel: Any) -> Callable[..., Any]:
     """Return the compiled code of a kernel of one explicit signature, without numba's search by the arguments'
     types, which takes longer than a small problem. Raises TypeError on arguments of other types; that an array is
-    read-only installation is not used."""
+    read-only makes no difference."""
     (version,) = kernel.overloads.values()
     return version.entry_point
 

@@ -159,22 +159,6 @@ def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> N
 
 
 @pytest.mark.nightly
-def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None:
-    names = ("pivoting", "complementary_bases", "mlcp_judged")
-    code = (
-        "import os, sys; from cpbench import kernel_cache; begun = [];"
-        "before, kernel_cache.subprocess.Popen = kernel_cache.subprocess.Popen, lambda *a, **k: "
-        "begun.append(a[0][4:]) or before(*a, **k);"
-        f"kernel_cache.load_all('solvers', {names}); kernel_cache.load_all('solvers', {names}); print(begun)"
-    )
-    environment = {**os.environ, cache.VARIABLE: str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    other = [f"cpbench_solvers.kernels.{name}" for name in ("mlcp_judged", "complementary_bases")]
-    assert done.stdout.strip() == str([other] if (os.cpu_count() or 1) > 1 else [])
-    assert_each_once(tmp_path, {*names, "tableau", "row_errors"})
-
-
-@pytest.mark.nightly
 def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_changed(tmp_path: Path) -> None:
     """numba looks at the file of the kernel alone, and would go on with what it compiled of the other as it was."""
     for package in (CORE, SOLVERS):
