@@ -63,15 +63,6 @@ def test_gfc_fc(seed, bodies, nc, d, symmetric, sparse):
     assert target.dimension == d
 
 
-@pytest.mark.needs("cpbench_solvers")
-def test_delassus_answer_of_another_solver(rng):
-    problem, _ = planted.gfc(rng, 4, 5, 3, sparse=True)
-    target = make("gfc-fc").step(problem)
-    answer = solvers.get("nsgs").run(target, Budget(tolerance=1e-10, iterations=20000)).point
-    assert target.residuals(answer).error <= 1e-8
-    assert problem.residuals(graph.lift(target, answer)).error <= 1e-8
-
-
 def test_delassus_stays_sparse_and_mixes_components(rng):
     # forty small bodies and one large one, all in one M: small blocks are inverted, the large one is factored
     small, large = 40, 60
@@ -132,37 +123,7 @@ def test_delassus_of_real_files(shared_data):
     assert seen >= 10
 
 
-def test_no_contact(shared_data):
-    problem = storage.load(
-        shared_data / "fc2d_global" / "gfc2d_granularflowonwall_00000_00117.dat", format="siconos-gfc2d"
-    )
-    local = make("gfc-fc").step(problem)
-    assert local.nc == 0
-    target = make("fc-lcp-2d").step(local)
-    assert problem.residuals(graph.lift(target, target.zero_point())).error <= 1e-12
-
-
 # --------------------------------------------------------------------------------------------- plane
-
-
-@quick
-@given(seeds, st.integers(0, 5), st.sampled_from(planted.SQUARE), st.booleans())
-def test_fc_lcp_2d(seed, nc, kind, sparse):
-    problem, point = planted.fc(np.random.default_rng(seed), nc, 2, kind, sparse=sparse)
-    target = both_ways(make("fc-lcp-2d"), problem, point)
-    assert target.q.size == 4 * nc
-    assert matrices.is_sparse(target.M) == sparse
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("seed", range(6))
-def test_fc_lcp_2d_answers_of_others(seed):
-    problem, _ = planted.fc(np.random.default_rng(seed), 2, 2, "positive definite")
-    target = make("fc-lcp-2d").step(problem)
-    answer = planted.enumerate_lcp(target)
-    assert answer is not None
-    assert problem.residuals(graph.lift(target, answer)).error <= CLOSE
-    assert problem.residuals(graph.lift(target, solved(target))).error <= CLOSE
 
 
 # -------------------------------------------------------------------------------------------- facets
@@ -290,25 +251,3 @@ def test_outer_facets_by_schur_and_by_vertices_agree(seed, count):
         target = make(name, {"facets": count, "angle": angle}).step(problem)
         answers.append(graph.lift(target, solved(target)).r)
     assert np.abs(answers[0] - answers[1]).max() <= 1e-10
-
-
-def test_outer_by_schur_is_the_lectures_lcp(rng):
-    problem, _ = planted.fc(rng, 3, 3, "positive definite", sparse=True)
-    arrival = graph.arrive(problem, "lcp", via=[make("fc-mlcp-outer", {"facets": 6})])
-    assert arrival.route.label == "fc-mlcp-outer[facets=6] > mlcp-lcp-schur"
-    assert arrival.kind == Kind.APPROXIMATE
-    assert arrival.problem.sizes() == {"n": 3 * 7}
-
-
-@pytest.mark.parametrize("name", FACET_EDGES)
-def test_push_of_a_general_answer_starts_closer_with_more_facets(rng, name):
-    problem, point = planted.fc(rng, 6, 3, "positive definite")
-    errors = []
-    for count in (4, 16, 64):
-        target = make(name, {"facets": count, "angle": 0.1}).step(problem)
-        there = graph.push(target, point)
-        errors.append(target.residuals(there).error)
-        # the reaction itself moves by no more than the polygon differs from the disk
-        moved = np.abs(graph.lift(target, there).r - point.r).max()
-        assert moved <= (1 - math.cos(math.pi / count)) * np.abs(point.r).max() + 1e-15
-    assert errors[0] > 2 * errors[1] > 4 * errors[2]

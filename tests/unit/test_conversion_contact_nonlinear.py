@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from cpbench import graph, storage
+from cpbench import graph
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCPoint, NonlinearFrictionContact
@@ -24,10 +21,6 @@ from cpbench.verification import judge
 CLOSE = 1e-9
 FC_EDGES = ("fc-micp", "fc-cp", "fc-vi", "fc-qvi")
 RFC_EDGES = ("rfc-cp", "rfc-vi")
-LARGEST = 60
-"""Contacts of a real file."""
-quick = settings(max_examples=25, deadline=None, derandomize=True)
-seeds = st.integers(0, 2**32 - 1)
 
 
 def both_ways(edge, problem, point, close=CLOSE):
@@ -36,20 +29,6 @@ def both_ways(edge, problem, point, close=CLOSE):
     assert target.residuals(there).error <= close
     assert problem.residuals(graph.lift(target, there)).error <= close
     return target, there
-
-
-@quick
-@given(seeds, st.integers(0, 6), st.sampled_from([2, 3]), st.booleans(), st.sampled_from(FC_EDGES))
-def test_planted_contacts_go_there_and_back(seed, nc, d, sparse, name):
-    problem, point = planted.fc(np.random.default_rng(seed), nc, d, "any", sparse=sparse)
-    both_ways(make(name), problem, point)
-
-
-@quick
-@given(seeds, st.integers(0, 5), st.sampled_from([3, 5]), st.booleans(), st.sampled_from(RFC_EDGES))
-def test_planted_rolling_contacts_go_there_and_back(seed, nc, d, sparse, name):
-    problem, point = planted_contact.rfc(np.random.default_rng(seed), nc, d, "any", sparse=sparse)
-    both_ways(make(name), problem, point)
 
 
 @pytest.mark.parametrize("name", FC_EDGES)
@@ -211,42 +190,6 @@ def test_micp_start_is_near_a_solution(rng, form):
 
 
 # -------------------------------------------------------------------------------------- real files
-
-
-def real_files(folder: Path):
-    """Local problems of up to LARGEST contacts, by name."""
-    for path in sorted((folder / "fc3d_local").iterdir()):
-        if path.suffix in (".dat", ".hdf5"):
-            problem = storage.load(path)
-            if isinstance(problem, FrictionContact) and problem.nc <= LARGEST:
-                yield path.name, problem
-
-
-NOT_BY_NSGS = {"BoxesStack1-i100000-32.hdf5.dat", "OneObject-i100000-316.hdf5.dat", "fclib_local_problem_test.hdf5"}
-"""Files of which Gauss–Seidel ends at 1e-6 (or 2e-3)."""
-
-
-@pytest.mark.nightly
-def test_real_files_there_and_back(shared_data):
-    """What Gauss–Seidel found natively has an error there that is about the one here, and comes back with the same."""
-    singular = contacts = files = 0
-    for name, problem in real_files(shared_data):
-        if name in NOT_BY_NSGS:
-            continue
-        point = solvers.get("nsgs").run(problem, Budget(tolerance=1e-10)).point
-        here = problem.residuals(point).error
-        assert here <= 1e-10, name
-        for label in FC_EDGES:
-            edge = make(label)
-            target = edge.step(problem)
-            there = graph.push(target, point)
-            assert target.residuals(there).error <= 1e-8, (name, label)
-            assert problem.residuals(graph.lift(target, there)).error <= 1.01 * here + 1e-14, (name, label)
-            if label == "fc-micp":
-                singular += len(edge.singular(there, target.provenance[-1].trace))
-        contacts, files = contacts + problem.nc, files + 1
-    assert files >= 25
-    assert 0 < singular < contacts
 
 
 # ------------------------------------------------------------------------------- nonlinear dynamics

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import pickle
 import sys
 from pathlib import Path
 
@@ -13,15 +12,11 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cpbench import graph, storage
-from cpbench.conversions.base import Conversion, conversions, find_via, make, mathematics
+from cpbench import graph
+from cpbench.conversions.base import Conversion, conversions, find_via, make
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations import (
-    LCP,
     MLCP,
-    QP,
-    FrictionContact,
-    GlobalFrictionContact,
     Kind,
 )
 from cpbench.formulations.expressions import Builder
@@ -33,7 +28,6 @@ from cpbench.testing.cases import Case, cases
 NAMES = conversions.names()
 ELIMINATING = ("fcm-fc", "gfc-fc", "gfc-fcm", "grfc-rfc", "mlcp-lcp-schur", "qp-qp-dual")
 """Edges whose target may fill up; then it is dense."""
-FIRST = ("lcp-qp", "lcp-mlcp", "mlcp-lcp-schur", "mlcp-lcp-split", "qp-mlcp", "gfc-fc", "fc-lcp-2d", "fc-lcp-inner")
 
 
 def taken(name: str) -> list[Case]:
@@ -65,69 +59,6 @@ def nothing(name: str, like):
     return dataclasses.replace(problem, **maps, **{k: like(v) if v.ndim == 2 else v for k, v in data.items()})
 
 
-def empty_for(name: str, like) -> list:
-    """Problems of the edge's source with nothing, or without one of the parts."""
-    none, zero = np.zeros(0), like(np.zeros((0, 0)))
-    match make(name).source:
-        case "lcp":
-            return [LCP(M=zero, q=none), LCP(M=like(np.zeros((2, 2))), q=np.ones(2))]
-        case "mlcp":
-            return [
-                MLCP(A=zero, B=zero, C=zero, D=zero, a=none, b=none),
-                MLCP(
-                    A=like(np.eye(2)), B=zero, C=like(np.zeros((2, 0))), D=like(np.zeros((0, 2))), a=np.ones(2), b=none
-                ),
-                MLCP(
-                    A=zero, B=like(np.eye(2)), C=like(np.zeros((0, 2))), D=like(np.zeros((2, 0))), a=none, b=np.ones(2)
-                ),
-            ]
-        case "qp":
-            return [
-                QP.build(zero, none),
-                QP.build(like(np.zeros((2, 2))), np.zeros(2)),
-                QP.build(like(np.eye(2)), np.ones(2), A=like(np.zeros((1, 2))), b=-np.ones(1)),
-            ]
-        case "gfc":
-            return [
-                GlobalFrictionContact(M=zero, H=zero, f=none, w=none, mu=none),
-                GlobalFrictionContact(M=like(np.eye(2)), H=like(np.zeros((2, 0))), f=np.ones(2), w=none, mu=none),
-                GlobalFrictionContact(
-                    M=like(np.eye(2)), H=like(np.zeros((2, 3))), f=np.ones(2), w=np.ones(3), mu=[0.0]
-                ),
-            ]
-        case _:
-            d = 2 if name == "fc-lcp-2d" else 3
-            return [
-                FrictionContact(W=zero, q=none, mu=none, dimension=d),
-                FrictionContact(W=like(np.zeros((d, d))), q=np.ones(d), mu=[0.0], dimension=d),
-            ]
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("sparse", some_by_day([False, True], 1))
-def test_source_is_untouched_and_the_trace_travels(name, sparse, tmp_path):
-    problem, point = planted_for(name, sparse=sparse)
-    before = {k: (matrices.dense(v).copy() if v.ndim == 2 else v.copy()) for k, v in problem.data().items()}
-    target = make(name).step(problem)
-    there = graph.push(target, point)
-    for key, value in problem.data().items():
-        now = matrices.dense(value) if value.ndim == 2 else value
-        assert (now == before[key]).all(), key
-    lifted = graph.lift(target, there)
-    assert type(lifted) is type(point)
-    (step,) = target.provenance
-    assert (step.conversion, step.source_node, step.source) == (name, problem.node, problem.fingerprint)
-
-    travelled = dataclasses.replace(step, trace=pickle.loads(pickle.dumps(dict(step.trace))))
-    storage.save(target, tmp_path / "target.h5")
-    stored = storage.load(tmp_path / "target.h5")
-    for copy in (dataclasses.replace(target, provenance=(travelled,)), stored):
-        for key, value in graph.lift(copy, there).arrays().items():
-            np.testing.assert_array_equal(value, lifted.arrays()[key])
-        for key, value in graph.push(copy, point).arrays().items():
-            np.testing.assert_array_equal(value, there.arrays()[key])
-
-
 @pytest.mark.parametrize("name", [n for n in NAMES if n not in ELIMINATING and make(n).source not in nodes_of_maps()])
 @pytest.mark.parametrize("sparse", [False, True])
 def test_storage_class_is_kept(name, sparse):
@@ -151,32 +82,13 @@ def test_elimination_stays_sparse_until_it_fills_up(rng):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("like", some_by_day([np.asarray, sp.csr_array], 1), ids=["dense", "sparse"])
 def test_empty_and_zero_problems(name, like):
-    for problem in [nothing(name, like), *(empty_for(name, like) if name in FIRST else [])]:
-        edge = make(name)
-        assert edge.obstacle(problem) is None
-        assert edge.exactness(problem).rank <= edge.kind.rank
-        target = edge.step(problem)
-        there = graph.push(target, problem.zero_point())
-        target.check_point(there)
-        problem.check_point(graph.lift(target, there))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_class_attributes(name):
-    cls = conversions.get(name)
-    edge = cls()
-    assert edge.name == name
-    assert name.startswith(f"{edge.source}-{edge.target}")
-    assert edge.cost > 0
-    assert edge.equation
-    assert graph.best_kind(edge).rank <= edge.kind.rank
-    for field in dataclasses.fields(cls):
-        assert field.default is not dataclasses.MISSING
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        edge.other = 1
-    text = "\n".join(mathematics(cls))
-    for word in ("\nSource ", "\nTarget ", "\nLift ", "Push ", "\nKind "):
-        assert word in text
+    problem, edge = nothing(name, like), make(name)
+    assert edge.obstacle(problem) is None
+    assert edge.exactness(problem).rank <= edge.kind.rank
+    target = edge.step(problem)
+    there = graph.push(target, problem.zero_point())
+    target.check_point(there)
+    problem.check_point(graph.lift(target, there))
 
 
 def test_find_via():

@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parent))
 from cpbench import graph, storage
 from cpbench.conversions.base import make
-from cpbench.conversions.mlcp import semidefinite_transform
 from cpbench.errors import NotApplicable
 from cpbench.formulations import LCP, MLCP, QP, AVIPoint, Kind, LCPPoint, MLCPPoint, Relay
-from cpbench.foundation import factorization, matrices
-from cpbench.solvers.base import Budget, Claim, solvers
+from cpbench.foundation import matrices
+from cpbench.solvers.base import Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -26,7 +25,6 @@ CLOSE = 1e-9
 quick = settings(max_examples=30, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)
 small = st.integers(0, 7)
-SEMIDEFINITE = planted.SQUARE[:3]
 
 
 def both_ways(edge: str, problem, point, **knobs):
@@ -42,24 +40,6 @@ def both_ways(edge: str, problem, point, **knobs):
 # --------------------------------------------------------------------------------------------- lcp → qp
 
 
-@quick
-@given(seeds, small, st.sampled_from(SEMIDEFINITE[:2]), st.booleans())
-def test_lcp_qp(seed, n, kind, sparse):
-    problem, point = planted.lcp(np.random.default_rng(seed), n, kind, sparse=sparse)
-    target = both_ways("lcp-qp", problem, point)
-    assert isinstance(target, QP)
-    assert target.convex
-    assert (target.lb == 0).all()
-    assert matrices.is_sparse(target.Q) == sparse
-
-
-def test_lcp_qp_answer_of_a_qp_solver(rng):
-    problem, _ = planted.lcp(rng, 12, "singular semidefinite")
-    target = make("lcp-qp").step(problem)
-    answer = solvers.get("clarabel").run(target, Budget(tolerance=1e-9)).point
-    assert problem.residuals(graph.lift(target, answer)).error <= 1e-6
-
-
 def test_lcp_qp_refuses_with_numbers(rng):
     skew = LCP(M=np.array([[1.0, 1.0], [-1.0, 1.0]]), q=np.zeros(2))
     with pytest.raises(NotApplicable, match=r"not symmetric, .* = 2\.0e\+00; use lcp-qp-nonsymmetric"):
@@ -69,24 +49,6 @@ def test_lcp_qp_refuses_with_numbers(rng):
         make("lcp-qp").apply(indefinite)
     large = LCP(M=sp.csr_array(sp.diags_array([1.0, *np.linspace(-0.5, 2, 399)])), q=np.zeros(400))
     assert "least eigenvalue at unit diagonal -" in str(make("lcp-qp").obstacle(large))
-
-
-@quick
-@given(seeds, small, st.sampled_from(planted.SQUARE), st.booleans())
-def test_lcp_qp_nonsymmetric(seed, n, kind, sparse):
-    problem, point = planted.lcp(np.random.default_rng(seed), n, kind, sparse=sparse)
-    target = both_ways("lcp-qp-nonsymmetric", problem, point)
-    assert abs(target.objective(point.z)) <= 1e-10 * max(1.0, float(abs(problem.q) @ point.z))
-    promise = make("lcp-qp-nonsymmetric").exactness(problem)
-    assert promise == (Kind.EQUIVALENT if matrices.is_psd(problem.M) else Kind.NECESSARY)
-    assert matrices.is_sparse(target.A) == sparse
-
-
-def test_lcp_qp_nonsymmetric_answer_of_a_qp_solver(rng):
-    problem, _ = planted.lcp(rng, 10, "monotone")
-    target = make("lcp-qp-nonsymmetric").step(problem)
-    answer = solvers.get("clarabel").run(target, Budget(tolerance=1e-12)).point
-    assert problem.residuals(graph.lift(target, answer)).error <= 1e-5
 
 
 def test_gap_needs_the_square_of_the_tolerance():
@@ -105,51 +67,6 @@ def test_gap_needs_the_square_of_the_tolerance():
 
 
 # ---------------------------------------------------------------------------------------- lcp ↔ mlcp
-
-
-@quick
-@given(seeds, small, st.booleans())
-def test_lcp_mlcp(seed, n, sparse):
-    problem, point = planted.lcp(np.random.default_rng(seed), n, sparse=sparse)
-    target = both_ways("lcp-mlcp", problem, point)
-    assert isinstance(target, MLCP)
-    assert target.sizes() == {"n": 0, "m": n}
-    back = make("mlcp-lcp-schur").step(target)
-    assert back.fingerprint == problem.fingerprint
-
-
-@quick
-@given(seeds, small, small, st.sampled_from(planted.SQUARE), st.booleans())
-def test_mlcp_lcp_schur(seed, n, m, kind, sparse):
-    problem, point = planted.mlcp(np.random.default_rng(seed), n, m, kind, sparse=sparse)
-    edge = make("mlcp-lcp-schur")
-    if edge.obstacle(problem) is not None:
-        assert problem.factorization.rcond <= factorization.SINGULAR_RCOND
-        return
-    # the planted error grows with the condition of A
-    if problem.factorization.rcond > 1e-6:
-        both_ways("mlcp-lcp-schur", problem, point)
-
-
-@quick
-@given(seeds, small, small, st.sampled_from([*planted.SQUARE, "singular"]), st.booleans())
-def test_mlcp_lcp_split(seed, n, m, kind, sparse):
-    problem, point = planted.mlcp(np.random.default_rng(seed), n, m, kind, sparse=sparse)
-    target = both_ways("mlcp-lcp-split", problem, point)
-    assert target.q.size == 2 * n + m
-    assert matrices.is_sparse(target.M) == sparse
-    if kind in SEMIDEFINITE:
-        assert matrices.is_psd(target.M, 1e-7)
-
-
-@pytest.mark.parametrize("edge", ["mlcp-lcp-schur", "mlcp-lcp-split"])
-@pytest.mark.parametrize("seed", range(4))
-def test_mlcp_lcp_lifts_an_enumerated_answer(edge, seed):
-    problem, _ = planted.mlcp(np.random.default_rng(seed), 2, 3, "positive definite")
-    target = make(edge).step(problem)
-    answer = planted.enumerate_lcp(target)
-    assert answer is not None
-    assert problem.residuals(graph.lift(target, answer)).error <= CLOSE
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -189,13 +106,6 @@ def test_split_finds_scrambled_equalities(sign, sparse, seed):
     out = solvers.get("lemke").run(target)
     assert out.claim == Claim.SOLVED
     assert problem.residuals(graph.lift(target, out.point)).error <= CLOSE
-
-
-def test_split_keeps_what_is_semidefinite_or_hopeless(rng):
-    good, _ = planted.mlcp(rng, 3, 3, "monotone")
-    assert semidefinite_transform(good) is None
-    bad, _ = planted.mlcp(rng, 3, 3, "any")
-    assert semidefinite_transform(bad) is None
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -241,33 +151,7 @@ def test_qp_mlcp_nonconvex_is_necessary(rng):
     assert graph.arrive(problem, "mlcp", graph.ALL).kind == Kind.NECESSARY
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_qp_mlcp_agrees_with_a_qp_solver(seed):
-    problem, _ = planted.qp(np.random.default_rng(seed), 4, 2, 1)
-    target = make("qp-mlcp").step(problem)
-    answer = planted.enumerate_mlcp(target)
-    assert answer is not None
-    lifted = graph.lift(target, answer)
-    assert problem.residuals(lifted).error <= CLOSE
-    other = solvers.get("clarabel").run(problem, Budget(tolerance=1e-9)).point
-    # Q is positive definite: the minimiser is unique, and so is its value
-    assert problem.objective(lifted.z) == pytest.approx(problem.objective(other.z), abs=1e-6)
-
-
 # ------------------------------------------------------------------------------------------- chains
-
-
-@pytest.mark.parametrize("sparse", [False, True])
-def test_every_exact_route_carries_the_planted_answer(rng, sparse):
-    problem, point = planted.lcp(rng, 5, "positive definite", sparse=sparse)
-    for node in ("lcp", "mlcp", "qp"):
-        for route in graph.candidates("lcp", node):
-            target = problem
-            for edge in route.steps:
-                target = edge.step(target)
-            there = graph.push(target, point)
-            assert target.residuals(there).error <= CLOSE, route.label
-            assert problem.residuals(graph.lift(target, there)).error <= CLOSE, route.label
 
 
 # ---------------------------------------------------------------------------------- what cancels on the way back

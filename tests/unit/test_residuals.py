@@ -20,8 +20,7 @@ from cpbench.formulations import (
     MLCPPoint,
     QPPoint,
 )
-from cpbench.testing import cases
-from cpbench.verification import Status, judge, status
+from cpbench.verification import judge
 
 SYSTEM_PYTHON = Path("/usr/bin/python3")
 
@@ -83,30 +82,12 @@ def test_a_wrong_direction_is_flagged() -> None:
     assert right.parts["slip_angle [deg]"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_nan_is_infinity() -> None:
-    problem = LCP(M=np.eye(2), q=[-1.0, -1.0])
-    verdict = judge(problem, LCPPoint(z=[np.nan, 1.0]), 1e-6)
-    assert verdict.error == math.inf
-    assert not verdict.solved
-    assert status(verdict, "solved") == Status.WRONG
-
-
 def test_qp_components_take_the_smaller_of_absolute_and_relative() -> None:
     problem = QP.build(np.eye(1) * 1e6, np.array([-1e6]))
     point = QPPoint(z=[1.0 + 1e-9], lam=[], mu=[], nu=[0.0])
     residuals = problem.residuals(point)
     assert residuals.parts["stationarity_absolute"] == pytest.approx(1e-3, rel=1e-3)
     assert residuals.measured["stationarity"] == pytest.approx(1e-9, rel=1e-3)
-
-
-def test_a_stationary_point_of_a_nonconvex_qp_is_not_called_solved() -> None:
-    """min −½z² on [−1, 1]: z = 0 is stationary (a maximum), and the status says no more."""
-    problem = QP.build(-np.eye(1), np.zeros(1), lb=[-1.0], ub=[1.0])
-    verdict = judge(problem, QPPoint(z=[0.0], lam=[], mu=[], nu=[0.0]), 1e-6)
-    assert verdict.within
-    assert not verdict.solved
-    assert not verdict
-    assert status(verdict, "solved") == Status.STATIONARY
 
 
 def test_farkas_certificate() -> None:
@@ -148,15 +129,3 @@ def test_a_small_column_does_not_hide_in_the_rounding_of_a_large_one() -> None:
     problem = LCP(M=np.diag([1.0, 1e-12]), q=[-1.0, -1e-8])
     assert judge(problem, LCPPoint(z=[1.0, 1e4]), 1e-6).solved
     assert not problem.certifies_infeasibility(np.array([0.0, 1.0]))
-
-
-@pytest.mark.parametrize("node", ["fc", "fcm", "gfc", "rfc", "grfc"])
-@pytest.mark.parametrize("size", [1e160, 1e300])
-def test_a_huge_answer_is_measured_as_wrong(node: str, size: float) -> None:
-    """A diverging solver hands out such numbers: their squares are ∞, and no exception."""
-    case = cases(node)[0]
-    huge = type(case.point)(**{name: np.full(part.shape, size) for name, part in case.point.arrays().items()})
-    with np.errstate(all="ignore"):
-        verdict = judge(case.problem, huge, 1e-6)
-    assert not verdict.solved
-    assert verdict.error > 1e10
