@@ -8,7 +8,7 @@ from pathlib import Path
 import generated
 import numpy as np
 import pytest
-from tiers import some_by_day
+from tiers import by_night, some_by_day
 
 from cpbench import proofs, storage, verification
 from cpbench.formulations import formulations
@@ -26,7 +26,13 @@ LISTED = {
 """Problems as the sheets name them: none is built while tests are collected."""
 
 
-@pytest.mark.parametrize("name", some_by_day(LISTED, 60))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *some_by_day([name for name, entry in LISTED.items() if entry.tier == SMALL], 60),
+        *by_night(name for name, entry in LISTED.items() if entry.tier != SMALL),
+    ],
+)
 def test_what_is_known_is_measured(name: str) -> None:
     entry = LISTED[name]
     (instance,) = (one for one in generated.instances(entry.family) if one.name == entry.name)

@@ -241,7 +241,7 @@ def test_a_killed_write_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_loading_a_small_problem_is_quick(tmp_path: Path) -> None:
-    """A few times h5py's own open and read, measured in turn: the machine is shared."""
+    """A few times h5py's own open and read, measured in turn, the least of 200: the machine is shared."""
     problem = LCP(M=np.eye(20), q=np.ones(20), name="small")
     path = tmp_path / "small.h5"
     storage.save(problem, path)
@@ -256,5 +256,5 @@ def test_loading_a_small_problem_is_quick(tmp_path: Path) -> None:
         return time.perf_counter() - start
 
     taken = np.array([(seconds(lambda: storage.load(path)), seconds(bare)) for _ in range(200)])
-    ours, theirs = np.percentile(taken, 10, axis=0)
+    ours, theirs = taken.min(axis=0)
     assert ours < 5 * theirs
