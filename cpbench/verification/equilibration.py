@@ -12,6 +12,7 @@ sweeps over rows and columns correct it.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,10 @@ from cpbench.foundation.matrices import Vector
 
 SWEEPS = 200
 STEPS = 400
-"""Limit of the iterations of LSMR."""
+"""Limit of conjugate gradients."""
 ENOUGH = 1e-5
 """The mean of a row may be off by this much in the root mean square: sizes are compared, no digits."""
-GUESSED = 1e-6
+GUESSED = 1e-5
 """The first guess may be off by this much in logarithms, in the root mean square."""
 LARGEST = 80.0
 """Logarithms of entries that the first guess leaves are cut off here, so that sums of products are numbers."""
@@ -48,7 +49,7 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     some = A.data > 0
     pattern, logs = at_places(some.astype(np.float64)), np.log(A.data, out=np.zeros(A.nnz), where=some)
     counts, beside = pattern @ np.ones(A.shape[1]), pattern.T @ np.ones(A.shape[0])
-    D, C = _first_guess(A, logs, some, counts, beside)
+    D, C = _first_guess(at_places(logs), pattern, counts, beside)
 
     def by_entry(D: Vector, C: Vector) -> Any:
         return np.repeat(D, np.diff(A.indptr)) + C[A.indices]
@@ -69,14 +70,19 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     return np.exp(D) * d, np.exp(C) * c
 
 
-def _first_guess(A: Any, logs: Vector, some: Any, counts: Vector, beside: Vector) -> tuple[Vector, Vector]:
-    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries."""
-    row, m = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))[some], A.shape[0]
-    unit = np.sqrt(_ratio(1.0, np.concatenate([counts, beside])))
-    ends = np.column_stack([row, m + A.indices[some]]).ravel()
-    sums = sp.csr_array((unit[ends], ends, np.arange(0, ends.size + 1, 2)), shape=(row.size, unit.size))
-    x = unit * spla.lsmr(sums, -logs[some], atol=GUESSED, btol=GUESSED, maxiter=STEPS)[0] if row.size else 0.0 * unit
-    return x[:m], x[m:]
+def _first_guess(logs: Any, pattern: Any, counts: Vector, beside: Vector) -> tuple[Vector, Vector]:
+    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries: e follows from d, which
+    conjugate gradients find, in units of the root of the number of entries of each row."""
+    root, per_column, turned = np.sqrt(_ratio(1.0, counts)), _ratio(1.0, beside), pattern.T
+
+    def without_columns(d: Vector) -> Vector:
+        return d - root * (pattern @ (per_column * (turned @ (root * d))))
+
+    e = -per_column * (logs.T @ np.ones(counts.size))
+    rest = -root * (logs @ np.ones(beside.size) + pattern @ e)
+    reduced = spla.LinearOperator((rest.size, rest.size), matvec=without_columns, dtype=np.float64)
+    d = root * spla.cg(reduced, rest, rtol=0.0, atol=GUESSED * math.sqrt(counts.sum()), maxiter=STEPS)[0]
+    return d, e - per_column * (turned @ d)
 
 
 def _ratio(x: Any, y: Vector) -> Vector:
