@@ -2,7 +2,7 @@
 
     python benchmarks/million_rows.py                               10,000 problems x 100 labels, then 100,000 x 10
     python benchmarks/million_rows.py --problems 2000 --labels 50   smaller
-    python benchmarks/million_rows.py --only bands --profile        where one of them spends its time
+    python benchmarks/million_rows.py --only means --profile        where one of them spends its time
 
 The table is made up (`made_up_rows`).
 
@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 import cProfile
 import gc
-import itertools
 import json
 import os
 import pstats
@@ -39,12 +38,10 @@ from made_up_rows import LIMIT, as_paths, as_starts, make
 from cpbench.analysis import (
     best,
     bootstrap,
-    data_profiles,
     failures,
     histories,
     means,
     metrics,
-    pairwise,
     participation,
     profiles,
     reliability,
@@ -89,21 +86,9 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "profile of memory": lambda: profiles.performance_profile(
             metrics.matrix(rows, metrics.METRICS["memory"]), floor=metrics.MEMORY_FLOOR
         ),
-        "data profile": lambda: data_profiles.data_profile(times),
-        "data profile, by contact": lambda: data_profiles.data_profile(
-            times, units=data_profiles.size_units(rows, "nc")
-        ),
-        "profiles of 15 pairs of labels": lambda: [
-            pairwise.profile_of_two(times, one, other) for one, other in itertools.combinations(leading, 2)
-        ],
-        "reversals of 6 labels": lambda: pairwise.reversals(times, leading),
         "gaps to the virtual best": lambda: best.gaps(times),
         "means": lambda: (means.means(times, limit=LIMIT), means.means(times, limit=LIMIT, common=leading)),
-        "bootstrap of means": lambda: bootstrap.intervals(bootstrap.mean_time(times, 0.1, LIMIT), families),
-        "bands of profiles": lambda: [
-            bootstrap.intervals(statistic, families)
-            for _, statistic in bootstrap.profile_heights(times, leading[:3], profiles.FLOOR).values()
-        ],
+        "bootstrap of means": lambda: bootstrap.mean_time(times, 0.1, LIMIT, families=families),
         "claims": lambda: reliability.claim_counts(rows),
         "inexact routes": lambda: reliability.inexact_routes(rows),
         "ranking": lambda: rankings(rows),

@@ -10,12 +10,11 @@ Leyton-Brown, SAT 2012). A matrix holds times [s], problems × labels, ∞ or Na
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.means import Array, commonly_solved, values
+from cpbench.analysis.means import Array, values
 from cpbench.analysis.profiles import FLOOR, ratios
 
 WITHIN = 2.0
@@ -27,19 +26,12 @@ def fastest(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
     return ratios(times, floor) <= 1.0
 
 
-def gaps(
-    times: pd.DataFrame,
-    floor: float = FLOOR,
-    compared: Sequence[str] | None = None,
-    lost: pd.DataFrame | None = None,
-) -> pd.DataFrame:
+def gaps(times: pd.DataFrame, floor: float = FLOOR, lost: pd.DataFrame | None = None) -> pd.DataFrame:
     """Compare each label with the virtual best of all, one row a label (sorted).
 
     Columns, N being the rows of the matrix without those of which a conversion `lost` the answer (`table.lost`):
     planned (N), solved, fastest (where it shares the lead), within (fraction of the N within WITHIN times the best);
     median and mean (geometric) of its ratio to the best over the problems that it solved, NaN without any;
-    common, mean_common: the same mean over the problems that all `compared` labels (default: all) solve, and how many
-    these are; NaN for labels that are not compared;
     alone (problems that only it solves) and marginal (factor by which the virtual best is slower without it, geometric
     mean over the problems that others solve too; 1 says that it is never missed).
 
@@ -50,14 +42,9 @@ def gaps(
     ordered = times[sorted(times.columns)]
     labels = pd.Index([str(label) for label in ordered.columns], name="label")
     ratio = ratios(ordered, floor).to_numpy()
-    common = np.zeros(len(times), dtype=bool)
-    chosen = set(labels if compared is None else compared)
-    if chosen:
-        common = ordered.index.isin(commonly_solved(ordered, sorted(chosen)))
     done = np.isfinite(ratio)
     without = 0 if lost is None else lost.reindex(columns=ordered.columns, fill_value=False).sum().to_numpy(dtype=int)
     planned = np.broadcast_to(len(times) - without, (len(labels),))
-    mean_common = _log_mean(ratio, done & common[:, None])
     alone, marginal = _marginal(np.maximum(values(ordered), floor))
     return pd.DataFrame(
         {
@@ -67,8 +54,6 @@ def gaps(
             "within": (ratio <= WITHIN).sum(axis=0) / np.where(planned > 0, planned, math.nan),
             "median": pd.DataFrame(np.where(done, ratio, math.nan)).median().to_numpy(),
             "mean": _log_mean(ratio, done),
-            "common": int(common.sum()),
-            "mean_common": np.where(labels.isin(list(chosen)), mean_common, math.nan),
             "alone": alone,
             "marginal": marginal,
         },

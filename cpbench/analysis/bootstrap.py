@@ -27,8 +27,7 @@ were solved) no resampling shows either.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from statistics import NormalDist
 from typing import Any
 
@@ -37,45 +36,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from cpbench.analysis.means import Array, logged, unlogged, values
-from cpbench.analysis.profiles import ratios
 
 FEW = 5
 """With fewer families an interval is a rough guess."""
 REPLICATES = 1000
-GRID = 64
-"""The most values of τ of a profile that get an interval."""
 CELLS = 2**21
 """Entries of the arrays that are worked on at a time: bounds the memory, and changes no number."""
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """g(Σ a / Σ b) for each label. `top` is a, problems × labels, `bottom` is b of the same shape, both finite; a label
-    whose statistic is not defined has NaN in `top`."""
-
-    labels: tuple[str, ...]
-    problems: pd.Index[Any]
-    top: Array
-    bottom: Array
-    of: Callable[[Array], Array]
-
-
-@dataclass(frozen=True)
-class Intervals:
-    """Estimates with their intervals.
-
-    Attributes
-    ----------
-    table : by label: `estimate`, `low`, `high`, `problems` that carry it, `families` these belong to, `few` (fewer
-        than FEW families: print it). With one family there is no interval (NaN).
-    families : of all problems. undefined : replicates without a value (nothing in common was drawn), left out.
-    """
-
-    table: pd.DataFrame
-    families: int
-    level: float
-    replicates: int
-    undefined: int
 
 
 def families_of(group: pd.DataFrame) -> pd.Series[str]:
@@ -101,89 +67,67 @@ def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) ->
     return codes, len(known) + int(alone.sum())
 
 
-def mean_time(matrix: pd.DataFrame, shift: float, charge: float, lost: pd.DataFrame | None = None) -> Statistic:
-    """Return shifted geometric mean [s] over all problems, a failure charged `charge` [s] (see `means`), the shift
-    fixed. `lost` : pairs that are left out (`table.lost`).
+def mean_time(
+    matrix: pd.DataFrame,
+    shift: float,
+    charge: float,
+    lost: pd.DataFrame | None = None,
+    families: pd.Series[str] | None = None,
+    **given: Any,
+) -> pd.DataFrame:
+    """Return the shifted geometric mean [s] of each label over all problems with its interval (`intervals`, which takes
+    what else is `given`), a failure charged `charge` [s] (see `means`), the shift fixed. `lost` : pairs that are left
+    out (`table.lost`).
+
+    >>> times = pd.DataFrame({"a": [1.0, 2.0, 4.0, 8.0, math.inf, 1.0]}, index=list("pqrstu"))
+    >>> found = mean_time(times, 0.0, 16.0, families=pd.Series({"p": "x", "q": "x"}), expanded=False)
+    >>> found.loc["a"].round(2).tolist()
+    [3.17, 1.49, 9.19]
     """
-    seconds, counted = values(matrix), _counted(matrix, lost)
+    seconds = values(matrix)
+    counted = np.ones(matrix.shape, dtype=bool)
+    if lost is not None:
+        counted = ~lost.loc[matrix.index, matrix.columns].to_numpy(dtype=bool)
     top = np.where(counted, logged(np.where(np.isfinite(seconds), seconds, charge), shift), 0.0)
-    return _statistic(matrix, top, counted.astype(float), lambda x: unlogged(x, shift))
-
-
-def profile_heights(
-    matrix: pd.DataFrame, labels: Sequence[str], floor: float, lost: pd.DataFrame | None = None
-) -> dict[str, tuple[Array, Statistic]]:
-    """Return for each label the τ at which its performance profile steps, at most GRID of them, and its height there.
-
-    The ratios to the best of all labels belong to the problem and stay; what is drawn again is which problems there
-    are. An interval holds the curve at one τ, not the whole of it at once.
-    """
-    ratio = ratios(matrix, floor)
-    counted = pd.DataFrame(_counted(matrix, lost), index=matrix.index, columns=matrix.columns)
-    result: dict[str, tuple[Array, Statistic]] = {}
-    for label in labels:
-        steps = np.unique(ratio[label][np.isfinite(ratio[label])])
-        tau = steps[np.unique(np.linspace(0, len(steps) - 1, min(GRID, len(steps))).round().astype(int))]
-        top = (ratio[label].to_numpy()[:, None] <= tau).astype(float)
-        bottom = np.repeat(counted[label].to_numpy(dtype=float)[:, None], len(tau), axis=1)
-        names = tuple(f"{value:g}" for value in tau)
-        result[label] = tau, Statistic(names, matrix.index, top, bottom, lambda x: x)
-    return result
-
-
-def _counted(matrix: pd.DataFrame, lost: pd.DataFrame | None) -> npt.NDArray[np.bool_]:
-    """Return which pairs count: those whose answer was not lost."""
-    if lost is None:
-        return np.ones(matrix.shape, dtype=bool)
-    return ~lost.loc[matrix.index, matrix.columns].to_numpy(dtype=bool)
+    clustered = clusters(matrix.index, families)
+    found = intervals(top, counted, clustered, lambda x: unlogged(x, shift), **given)
+    return found.set_axis(pd.Index([str(label) for label in matrix.columns], name="label"))
 
 
 def intervals(
-    statistic: Statistic,
-    families: pd.Series[str] | None = None,
+    top: Array,
+    bottom: npt.NDArray[Any],
+    clustered: tuple[npt.NDArray[np.intp], int],
+    of: Callable[[Array], Array] = lambda x: x,
     *,
     level: float = 0.95,
     replicates: int = REPLICATES,
     seed: int = 0,
     expanded: bool = True,
-) -> Intervals:
-    """Return intervals of a statistic of each label.
+) -> pd.DataFrame:
+    """Return g(Σ a / Σ b) of each label: `estimate`, and the ends `low` and `high` of its interval; with one family
+    there is none (NaN).
 
     Parameters
     ----------
-    expanded : whether the percentiles are read further out, as Student's t asks with so many families.
-
-    >>> times = pd.DataFrame({"a": [1.0, 2.0, 4.0, 8.0, math.inf, 1.0]}, index=list("pqrstu"))
-    >>> found = intervals(mean_time(times, 0.0, 16.0), pd.Series({"p": "x", "q": "x"}), expanded=False)
-    >>> found.families, found.table.loc["a", ["estimate", "low", "high"]].astype(float).round(2).tolist()
-    (5, [3.17, 1.49, 9.19])
+    top, bottom : a and b, problems × labels; a statistic that is not defined has NaN in `top`. clustered : of
+    `clusters`. of : g. expanded : whether the percentiles are read further out, as Student's t asks with so many
+    families.
     """
-    codes, count = clusters(statistic.problems, families)
-    top, bottom = _by_family(statistic.top, codes, count), _by_family(statistic.bottom, codes, count)
-    drawn = np.empty((replicates, len(statistic.labels)))
+    codes, count = clustered
+    top, bottom = _by_family(top, codes, count), _by_family(bottom.astype(float), codes, count)
+    labels = top.shape[1]
+    drawn, ends = np.empty((replicates, labels)), np.full((2, labels), math.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         for start, weights in multiplicities(count, replicates, seed):
-            drawn[start : start + len(weights)] = statistic.of((weights @ top) / (weights @ bottom))
-        estimate = statistic.of(top.sum(axis=0) / bottom.sum(axis=0))
+            drawn[start : start + len(weights)] = of((weights @ top) / (weights @ bottom))
+        estimate = of(top.sum(axis=0) / bottom.sum(axis=0))
     carrying = (bottom > 0).sum(axis=0)
-    ends = np.full((2, len(statistic.labels)), math.nan)
     for k in np.flatnonzero(np.isfinite(estimate) & (carrying > 1)):
-        own = drawn[np.isfinite(drawn[:, k]), k]
+        own = drawn[np.isfinite(drawn[:, k]), k]  # what drew nothing that counts has no value
         beyond = tail(level, int(carrying[k]) if expanded else 0)
         ends[:, k] = np.quantile(own, (beyond, 1 - beyond))
-    table = pd.DataFrame(
-        {
-            "estimate": estimate,
-            "low": ends[0],
-            "high": ends[1],
-            "problems": statistic.bottom.sum(axis=0).astype(int),
-            "families": carrying,
-            "few": carrying < FEW,
-        },
-        index=pd.Index(statistic.labels, name="label"),
-    )
-    empty = ~np.isfinite(drawn[:, np.isfinite(estimate)]).all(axis=1)
-    return Intervals(table, count, level, replicates, int(empty.sum()))
+    return pd.DataFrame({"estimate": estimate, "low": ends[0], "high": ends[1]})
 
 
 def tail(level: float, families: int) -> float:
@@ -211,10 +155,6 @@ def multiplicities(count: int, replicates: int, seed: int) -> Iterator[tuple[int
         rows = min(block, replicates - start)
         chosen = rng.integers(count, size=(rows, count)) + count * np.arange(rows)[:, None]
         yield start, np.bincount(chosen.ravel(), minlength=rows * count).reshape(rows, count).astype(float)
-
-
-def _statistic(matrix: pd.DataFrame, top: Array, bottom: Array, of: Callable[[Array], Array]) -> Statistic:
-    return Statistic(tuple(str(label) for label in matrix.columns), matrix.index, top, bottom, of)
 
 
 def _by_family(array: Array, codes: npt.NDArray[np.intp], count: int) -> Array:

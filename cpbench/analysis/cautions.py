@@ -1,4 +1,4 @@
-"""Caveats beside a cost that is not the same cost for every solver.
+"""Caveats: costs that are not the same cost for every solver, and rows in which a run deviated from its request.
 
 A program that is launched for every solve is charged with its launch. Iterations are pivots in one method and
 factorizations in another. `sheets` is what the results say of each label (`meta["solvers"]`); labels of which
@@ -12,9 +12,11 @@ from typing import Any
 
 import pandas as pd
 
+from cpbench.analysis import starts
+from cpbench.analysis.failures import flagged
 from cpbench.analysis.metrics import Metric
 from cpbench.analysis.starts import COLD
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.plurals import counted, some_of
 
 Sheets = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")
@@ -22,6 +24,8 @@ CLOCKS = ("time", "solve", "cpu")
 BUSY, DRIFT = 0.1, 1.5
 """Share of the rows with a load beyond the cores, and ratio of the longest to the shortest reference solve, from which
 on times are not to be relied on."""
+LISTED = 3
+"""Files that are named, those with most rows."""
 FIRST_STEP = "cold: first step"
 """Text of a row about its start where there was no step before to start from: no failure of the start policy."""
 
@@ -121,6 +125,46 @@ def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
     if drift > DRIFT:
         reasons.append(f"one and the same solve took up to {drift:.1f} times as long as at its best")
     return f"Do not rely on these times: {'; '.join(reasons)}." if reasons else ""
+
+
+def remarks(table: pd.DataFrame) -> list[str]:
+    """Return one line each: starts that were not as requested, files that held other data when some of the rows were
+    made, clocks that were not believed."""
+    return [*starts.honoured(starts.merged(table)), *changed_files(table), *clocks(table)]
+
+
+def clocks(table: pd.DataFrame) -> list[str]:
+    """Return for how many rows the runner's time counts, because the clock of the solver's process showed much less.
+
+    >>> clocks(pd.DataFrame({"label": ["a", "b"], "flags": ["clock,threads", ""]}))[0][:43]
+    "1 time is the runner's: the answer came muc"
+    """
+    rows = flagged(table.assign(flags=table["flags"].fillna("")), "clock")
+    if not len(rows):
+        return []
+    times = counted(len(rows), "time is", "times are")
+    labels = some_of([str(label) for label in rows["label"].value_counts().index], LISTED)
+    return [f"{times} the runner's: the answer came much later than the solver's clock says (flag clock): {labels}"]
+
+
+def changed_files(table: pd.DataFrame) -> list[str]:
+    """Return files whose rows are of several problems: their rows are kept and counted.
+
+    >>> rows = {"address": "p.h5", "fingerprint": ["a", "b", "b"]}
+    >>> changed_files(pd.DataFrame(rows))[0][:62]
+    'p.h5: its 3 rows are of 2 problems: the file changed, or was r'
+    """
+    by_address = table.groupby("address", sort=True)["fingerprint"].agg(["nunique", "size"])
+    by_address = by_address[by_address["nunique"] > 1].sort_values("size", ascending=False, kind="stable")
+    lines = [
+        f"{address}: its {size} rows are of {problems} problems: the file changed, or was read in several formats; the "
+        "rows of all of them are kept and counted, and another results file (-o) leaves the former ones out"
+        for address, problems, size in by_address.head(LISTED).itertuples()
+    ]
+    return [
+        *lines,
+        *([f"{len(by_address) - LISTED} more files are of several problems"] if len(by_address) > LISTED else []),
+    ]
 
 
 def _launch(labels: Iterable[str]) -> str:

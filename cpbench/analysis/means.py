@@ -24,9 +24,6 @@ import pandas as pd
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
-SMALL = 10
-"""A mean over fewer commonly solved problems than this is about those problems only."""
-
 
 @dataclass(frozen=True)
 class Means:
@@ -34,17 +31,15 @@ class Means:
 
     Attributes
     ----------
-    table : by label (sorted): `planned`, `solved`, `charged`, `lost` (problems; planned is the sum of the others),
-        `mean` [s], `reason` (why it is NaN, or '').
+    mean : [s], by label (sorted); NaN where nothing was solved, or a failure would have to be charged and there is no
+        limit.
     problems : how many it was taken over. shift, charge : in seconds, NaN where there is none.
-    remark : what a reader has to know of the set of problems or of the charge, or ''.
     """
 
-    table: pd.DataFrame
+    mean: pd.Series[float]
     problems: int
     shift: float
     charge: float
-    remark: str
 
 
 def values(matrix: pd.DataFrame) -> Array:
@@ -118,17 +113,17 @@ def means(
     ----------
     shift : seconds; default the median of all finite times of the matrix.
     limit : the time limit [s] that a failure is charged; ∞ where there was none. A label that did not solve everything
-        has no mean then (NaN, with the reason).
+        has no mean then (NaN).
     common : labels; the means are theirs, over the problems that each of them solves.
     lost : whether a conversion lost the answer of a pair (`table.lost`): the mean of its label is over the others.
 
     >>> times = pd.DataFrame({"a": [1.0, 4.0], "b": [2.0, math.inf]})
-    >>> means(times, shift=0.0, limit=8.0).table["mean"].round(12).to_dict()
+    >>> means(times, shift=0.0, limit=8.0).mean.round(12).to_dict()
     {'a': 2.0, 'b': 4.0}
-    >>> means(times, shift=0.0).table.loc["b", "reason"]
-    '1 of 2 not solved, and no limit to charge'
-    >>> (found := means(times, shift=0.0, common=["a", "b"])).table["mean"].to_dict(), found.problems, found.remark
-    ({'a': 1.0, 'b': 2.0}, 1, 'only 1 problem is solved by all 2 labels')
+    >>> means(times, shift=0.0).mean.round(12).to_dict()
+    {'a': 2.0, 'b': nan}
+    >>> (found := means(times, shift=0.0, common=["a", "b"])).mean.to_dict(), found.problems
+    ({'a': 1.0, 'b': 2.0}, 1)
     """
     shift, cost = default_shift(matrix) if shift is None else shift, charge(matrix, limit)
     whole = matrix if common is None else matrix.loc[commonly_solved(matrix, common), list(common)]
@@ -143,26 +138,6 @@ def means(
     logs = np.where(done, logged(np.where(done, seconds, 1.0), shift), 0.0).sum(axis=0)
     logs = logs + np.where(failed, failed * logged(cost, shift), 0.0)
     averages = unlogged(logs / np.where(rows > 0, rows, math.nan), shift)
-    reasons = [_reason(int(n), done, cost) for n in failed]
-    averages[[bool(reason) for reason in reasons]] = math.nan
-    numbers = {"planned": len(whole), "solved": done.sum(axis=0), "charged": failed, "lost": without}
-    table = pd.DataFrame(
-        {**numbers, "mean": averages, "reason": reasons},
-        index=pd.Index([str(label) for label in whole.columns], name="label"),
-    )
-    remark = f"a failure is charged {cost:.3g} s, the slowest answer, not {limit:.3g} s" if cost > limit else ""
-    if common is not None and len(whole) < SMALL:
-        count = {0: "no problem is", 1: "only 1 problem is"}.get(len(whole), f"only {len(whole)} problems are")
-        remark = f"{count} solved by all {len(common)} labels"
-    return Means(table, len(whole), shift, cost, remark)
-
-
-def _reason(failed: int, done: npt.NDArray[np.bool_], cost: float) -> str:
-    """Return why a label with so many failures has no mean, '' when it has one."""
-    if not len(done):
-        return "no problem to take a mean over"
-    if not done.any():
-        return "nothing was solved: there is no time to take a mean of"
-    if failed and math.isnan(cost):
-        return f"{failed} of {len(done)} not solved, and no limit to charge"
-    return ""
+    averages[(failed > 0) & math.isnan(cost) | ~done.any()] = math.nan
+    labels = pd.Index([str(label) for label in whole.columns], name="label")
+    return Means(pd.Series(averages, labels, dtype=float), len(whole), shift, cost)

@@ -31,8 +31,7 @@ class Curve:
 
     Attributes
     ----------
-    ratios : where it steps, distinct, finite, ascending: ratios ≥ 1 in a performance profile, budgets ≥ 0 in a data
-        profile. count : problems solved within each of them.
+    ratios : where it steps, distinct, finite, ascending, at least 1. count : problems solved within each of them.
     problems : N, the planned number, without those of which a conversion lost the answer.
     """
 
@@ -61,25 +60,30 @@ class Curve:
         """Problems solved at all."""
         return self.count[-1] if self.count else 0
 
-    def steps(self, upto: float, start: float = 1.0) -> tuple[Floats, Floats]:
-        """Return corners (τ, ρ) of the curve on [start, upto], each value holding up to the next corner.
+    def steps(self, upto: float) -> tuple[Floats, Floats]:
+        """Return corners (τ, ρ) of the curve on [1, upto], each value holding up to the next corner.
 
         >>> x, y = Curve("s", np.array([2.0]), (1,), 2).steps(4.0)
         >>> x.tolist(), y.tolist()
         ([1.0, 2.0, 4.0], [0.0, 0.5, 0.5])
         """
-        inside = self.ratios[(self.ratios > start) & (self.ratios < upto)]
-        tau = np.concatenate(([start], inside, [upto]))
+        inside = self.ratios[(self.ratios > 1.0) & (self.ratios < upto)]
+        tau = np.concatenate(([1.0], inside, [upto]))
         return tau, self.heights(tau)
 
     def outline(self, upto: float, most: int) -> tuple[Floats, Floats]:
-        """Return at most `most` of the corners of `steps`, both ends among them; nowhere above the curve.
+        """Return at most `most` of the corners of `steps`, both ends among them, evenly along their number; nowhere
+        above the curve, and of N steps of 1 / N nowhere lower by more than 1 / (most - 1).
 
         >>> x, y = Curve("s", np.arange(1.0, 101.0), tuple(range(1, 101)), 100).outline(128.0, 3)
         >>> x.tolist(), y.tolist()
         ([1.0, 51.0, 128.0], [0.01, 0.51, 1.0])
         """
-        return thinned(*self.steps(upto), most)
+        tau, height = self.steps(upto)
+        if len(tau) <= most:
+            return tau, height
+        kept = np.linspace(0, len(tau) - 1, most).round().astype(int)
+        return tau[kept], height[kept]
 
     def area(self, upto: float) -> float:
         """Return the mean height over log₂ τ between 1 and `upto`: one number for fast and reliable together.
@@ -121,20 +125,6 @@ class Profile:
         widest = self.widest
         alive = [c for c in self.curves if c.solved]
         return [c.label for c in sorted(alive, key=lambda c: (-c.area(widest), c.label))[:count]]
-
-
-def thinned(tau: Floats, height: Floats, most: int) -> tuple[Floats, Floats]:
-    """Return at most `most` of the corners of a step function, both ends among them, evenly along their number: a
-    curve of N steps of 1 / N is nowhere lower by more than 1 / (most - 1).
-
-    >>> x, y = thinned(np.arange(101.0), np.arange(101.0) / 100, 3)
-    >>> x.tolist(), y.tolist()
-    ([0.0, 50.0, 100.0], [0.0, 0.5, 1.0])
-    """
-    if len(tau) <= most:
-        return tau, height
-    kept = np.linspace(0, len(tau) - 1, most).round().astype(int)
-    return tau[kept], height[kept]
 
 
 def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:
@@ -192,30 +182,16 @@ def performance_profile(
     >>> [round(slow.at(tau), 2) for tau in (1, 2, 4, math.inf)]
     [0.67, 0.67, 1.0, 1.0]
     """
-    planned = at_least(values, problems)
-    return Profile(curves(ratios(values, floor), planned, lost), planned, floor or 0.0)
-
-
-def curves(where: pd.DataFrame, problems: int, lost: pd.DataFrame | None = None) -> tuple[Curve, ...]:
-    """Return one step function a label, in order of label: it steps where a problem is solved, and at ∞ never.
-
-    `lost` : as of `performance_profile`.
-
-    >>> where = pd.DataFrame({"s": [1.0, math.inf, math.inf]})
-    >>> [curve.at(1.0) for curve in curves(where, 3, pd.DataFrame({"s": [False, True, False]}))]
-    [0.5]
-    """
-    labels: Sequence[str] = sorted(where.columns)
-    without = {} if lost is None else lost.sum().to_dict()
-    own = {label: problems - int(without.get(label, 0)) for label in labels}
-    return tuple(_curve(label, where[label].to_numpy(dtype=float), own[label]) for label in labels)
-
-
-def at_least(values: pd.DataFrame, problems: int | None) -> int:
-    """Return N: the problems planned, where given. Raises ValueError when the table has more."""
     if problems is not None and problems < len(values):
         raise ValueError(f"{problems} problems planned, but the table has {len(values)}")
-    return len(values) if problems is None else problems
+    planned = len(values) if problems is None else problems
+    where = ratios(values, floor)
+    without = {} if lost is None else lost.sum().to_dict()
+    labels: Sequence[str] = sorted(where.columns)
+    curves = tuple(
+        _curve(label, where[label].to_numpy(dtype=float), planned - int(without.get(label, 0))) for label in labels
+    )
+    return Profile(curves, planned, floor or 0.0)
 
 
 def _curve(label: str, steps: Floats, problems: int) -> Curve:

@@ -10,11 +10,17 @@ from typing import TYPE_CHECKING, Any
 from cpbench.analysis import cautions, contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import Ranking, rankings
+from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from cpbench.analysis.contradictions import Contradiction
+
+META = "collection"
+"""Name of the quotation of the collection among the facts of a run."""
+DIGITS = 16
+"""Digits of the hash that a quotation shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,3 +55,16 @@ class RunTable:
     def disturbance(self) -> str:
         """What may have disturbed the times of the run; '' where nothing is known of it."""
         return cautions.disturbance(self.rows, self.meta) or ""
+
+
+def quotation(meta: Mapping[str, Any]) -> str:
+    """Return the line about the collection by the facts of a run, '' where they quote none.
+
+    >>> quotation({"collection": {"name": "c 1", "problems": 9, "sha256": "ab" * 32, "here": 2}})
+    '2 problems of c 1 (9 problems, sha256 abababababababab)'
+    """
+    quoted = meta.get(META)
+    if not quoted:
+        return ""
+    whole = f"{counted(quoted['problems'], 'problem')}, sha256 {quoted['sha256'][:DIGITS]}"
+    return f"{counted(quoted['here'], 'problem')} of {quoted['name']} ({whole})"

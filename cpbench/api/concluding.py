@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cpbench.analysis import contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.contradictions import Contradiction
-from cpbench.analysis.quotation import META
+from cpbench.analysis.run_table import META
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.foundation.extensions import HOOKS, added, hook

@@ -10,9 +10,8 @@ from pathlib import Path
 import click
 
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
-from cpbench.analysis.quotation import quotation
 from cpbench.analysis.ranking import RankedSolver, Ranking
-from cpbench.analysis.run_table import RunTable
+from cpbench.analysis.run_table import RunTable, quotation
 from cpbench.api.concluding import contradiction_lines
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width

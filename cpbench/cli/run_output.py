@@ -117,7 +117,7 @@ def _title(plan: RunPlan) -> str:
 
 def _last_lines(plan: RunPlan, counts: dict[str, int], table: pd.DataFrame) -> Iterator[str]:
     """Yield how many pairs ended how, what to beware of, and the results file."""
-    from cpbench.analysis.remarks import remarks
+    from cpbench.analysis.cautions import remarks
 
     nothing = "none in this shard" if plan.shard != (1, 1) else "none could be run"
     yield f"{counted(sum(counts.values()), 'pair')}: {summary(counts) or nothing}"

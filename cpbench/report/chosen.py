@@ -18,7 +18,6 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.metrics import MetricValues, measured, metric
 from cpbench.analysis.participation import participating
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.foundation import brackets
 from cpbench.report.run import Run
 from cpbench.report.text import counted, listed_plainly, one_line, seconds
 
@@ -115,26 +114,6 @@ def choose(run: Run, choice: Choice) -> SelectedRows:
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
     return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, problems, run.looks)
-
-
-def leading(chosen: SelectedRows, values: pd.DataFrame, most: int) -> list[str]:
-    """Return the labels to draw where not all fit: those of largest area under the profile."""
-    from cpbench.analysis.profiles import performance_profile
-
-    return performance_profile(values, chosen.problems).leading(most)
-
-
-def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
-    """Split `A,B` into two labels that are there; a comma within brackets is part of one. Raises CpbenchError,
-    UnknownName.
-    """
-    labels = brackets.split(text, ",")
-    if len(labels) != 2 or not all(labels) or labels[0] == labels[1]:
-        raise CpbenchError(f"--against {text}: takes two different labels, as --against nsgs,lemke@inner8")
-    for label in labels:
-        if label not in known:
-            raise UnknownName("solver of the results", label, known)
-    return labels[0], labels[1]
 
 
 def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import bootstrap, certainty, pairwise, summary
+from cpbench.analysis import bootstrap, certainty, summary
 from cpbench.analysis.participation import unreached_lines
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.ranking_order import LEVEL
 from cpbench.analysis.reliability import NEAR
 from cpbench.analysis.table import ResultGroup
-from cpbench.report import figures, overview_figure, sentences, tables
+from cpbench.report import overview_figure, sentences, tables
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, group_name, group_name_text
@@ -41,7 +41,6 @@ class ShownGroup:
     Attributes
     ----------
     name : as Markdown. anchor : of its heading, as hosting sites make it. sizes : ranges of its dimensions.
-    swapped : pairs of solvers that the profile has in another order than their own profile (`analysis.pairwise`).
     matrix : problems × solvers and its legend, '' where there are too many problems.
     """
 
@@ -51,7 +50,6 @@ class ShownGroup:
     pairs: int
     sizes: str
     tables: dict[str, Table]
-    swapped: list[tuple[str, str]]
     matrix: tuple[str, str]
     beside: str
 
@@ -94,7 +92,7 @@ def context(run: Run, title: str) -> dict[str, Any]:
 
 def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
     ranking = next((one for one in run.rankings if one.group == group), None)
-    times, profile = run.compared[group].times, run.compared[group].profile
+    times = run.compared[group].times
     found = tables.of_group(run, group, rows, ranking)
     problems = rows["fingerprint"].nunique()
     sizes = [
@@ -108,7 +106,6 @@ def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
         pairs=len(rows),
         sizes=", ".join(sizes),
         tables=found,
-        swapped=pairwise.reversals(times, profile.leading(figures.EMPHASISED)) if profile.compares else [],
         matrix=(matrix(rows, order, times), legend(rows)) if problems <= MATRIX_PROBLEMS else ("", ""),
         beside=BESIDE.get(group.node, ""),
     )

@@ -5,7 +5,6 @@ The object interface with the Agg canvas is used throughout: no pyplot, no globa
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -61,8 +60,8 @@ def profile_axes(
     looks: Mapping[str, int],
     across: str = "",
     most: int = LINES,
-) -> dict[str, int]:
-    """Draw curves with their legend beside them; return the looks of the labels in colour, the leading first.
+) -> None:
+    """Draw curves with their legend beside them, the leading ones in colour.
 
     Parameters
     ----------
@@ -82,18 +81,16 @@ def profile_axes(
     axes.set_ylabel(f"fraction of the {counted(profile.problems, 'problem')} solved")
     if not curves:
         nothing(axes, "no problem was solved")
-    lines = [line_of(curve, places, kinds) for curve in curves]
-    legend.beside(axes, "solved   sorted by problems solved", lines, notes(profile.curves, kinds), most)
-    return places
+    lines = [
+        legend.LegendLine(
+            marked(curve.label, kinds), str(curve.solved), places.get(curve.label), kinds.get(curve.label) in INEXACT
+        )
+        for curve in curves
+    ]
+    legend.beside(axes, "solved   sorted by problems solved", lines, _notes(profile.curves, kinds), most)
 
 
-def line_of(curve: Curve, places: Mapping[str, int], kinds: Mapping[str, str]) -> legend.LegendLine:
-    """Return the legend's line of a curve, with the number solved."""
-    dashed = kinds.get(curve.label, "") in INEXACT
-    return legend.LegendLine(marked(curve.label, kinds), str(curve.solved), places.get(curve.label), dashed)
-
-
-def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
+def _notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     """Return what a legend has to add: the signs that occur, and the labels that solved none."""
     shown = {kinds.get(curve.label, "") for curve in curves}
     idle = sorted(curve.label for curve in curves if not curve.solved)
@@ -102,19 +99,15 @@ def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     return [text for text in (signs, unsolved) if text]
 
 
-def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str], end: float = math.inf) -> None:
-    """Set up a logarithmic axis with a grid; ticks, none beyond `end`, at decades, or more often where these are
-    few.
-    """
-    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str]) -> None:
+    """Set up a logarithmic axis with a grid; ticks at decades, or more often where these are few."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     low, high = axis.get_view_interval()
     subs = next(subs for least, subs in TICKS if high >= least * low)
     axis.set_major_locator(LogLocator(10.0, subs=subs))
-    if end < high:
-        axis.set_major_locator(FixedLocator([tick for tick in axis.get_majorticklocs() if low <= tick <= end]))
     axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())

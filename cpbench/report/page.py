@@ -17,14 +17,16 @@ from typing import Any
 from markdown_it import MarkdownIt
 
 from cpbench.errors import FormatError
-from cpbench.report import vega
 from cpbench.report.page_data import columns_of, packed
 from cpbench.report.run import Run
 from cpbench.report.templating import environment, rendered
 from cpbench.report.text import one_line
 
 NAME = "report.html"
-SCRIPTS = (vega.SCRIPT, "page.js")
+SCRIPTS = ("vega.js", "page.js")
+"""Vega, Vega-Lite and Vega-Embed as one script without imports, which vl-convert-python 1.9.0 made (84 MB, of which
+this is what a page needs): `vl_convert.javascript_bundle("window.vega=vega; window.vegaLite=vegaLite;
+window.vegaEmbed=vegaEmbed;")`; and what draws with it."""
 SECTIONS = {
     "answer": ("Answer", (("report.md.j2", "top"),)),
     "claims": ("False claims", (("report.md.j2", "false"), ("details.md.j2", "claims"))),
@@ -76,7 +78,7 @@ def page(run: Run, given: Mapping[str, Any]) -> str:
             sections=shown,
             figures=figures if len(run.rows) else {},
             version=escape(str(run.meta.get("cpbench", ""))),
-            licence=escape(vega.LICENCE),
+            licence=escape(_asset("vega.LICENSE")),
             data=packed(columns, facts),
             scripts=scripts,
         )

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from cpbench.analysis import cautions, contradictions, failures, reliability, remarks, starts
+from cpbench.analysis import cautions, contradictions, failures, reliability, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.contradictions import Contradiction
 from cpbench.analysis.failures import Reason
@@ -99,9 +99,9 @@ class Run:
 
     @cached_property
     def remarks(self) -> list[str]:
-        """`remarks.remarks` of all rows, and of problem files that changed: what the lines below the answer say."""
+        """`cautions.remarks` of all rows, and of problem files that changed: what the lines below the answer say."""
         of_files = [str(line) for line in self.meta.get("changed") or []]
-        return [*remarks.remarks(self.read), *of_files]
+        return [*cautions.remarks(self.read), *of_files]
 
     @property
     def all_rows(self) -> str:

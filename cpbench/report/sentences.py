@@ -11,8 +11,8 @@ import pandas as pd
 from cpbench.analysis import failures, participation, reliability
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
-from cpbench.analysis.quotation import quotation
 from cpbench.analysis.ranking import Ranking
+from cpbench.analysis.run_table import quotation
 from cpbench.report.run import Run
 from cpbench.report.text import code, counted, cut, listed, number, plain, seconds
 from cpbench.verification import Status

@@ -336,21 +336,20 @@ def _times(rows: pd.DataFrame, order: Sequence[str], compared: ComparedTimes) ->
     leading = compared.profile.leading(EMPHASISED)
     every = means.means(times, limit=limit, lost=lost)
     common = means.means(times, shift=every.shift, limit=limit, common=leading)
-    around = bootstrap.intervals(
-        bootstrap.mean_time(times, every.shift, every.charge, lost), bootstrap.families_of(rows)
-    )
+    families = bootstrap.families_of(rows)
+    around = bootstrap.mean_time(times, every.shift, every.charge, lost, families)
     gap = best.gaps(times, lost=lost)
     columns: dict[str, tuple[str, pd.Series]] = {
         "p95": ("seconds", summary.quantile(times, 0.95)),
         "p99": ("seconds", summary.quantile(times, 0.99)),
         "slowdown": ("number", gap["median"]),
         "within 2 times": ("share", gap["within"]),
-        f"mean over all {every.problems}": ("seconds", every.table["mean"]),
-        "95 % interval": ("cell", _interval(around.table)),
-        f"mean over {common.problems} in common": ("seconds", common.table["mean"]),
+        f"mean over all {every.problems}": ("seconds", every.mean),
+        "95 % interval": ("cell", _interval(around)),
+        f"mean over {common.problems} in common": ("seconds", common.mean),
         "best without it": ("number", gap["marginal"]),
     }
-    if around.families < bootstrap.FEW:  # an interval says nothing there
+    if bootstrap.clusters(times.index, families)[1] < bootstrap.FEW:  # an interval says nothing there
         del columns["95 % interval"]
     done = [label for label in order if label in gap.index and gap.at[label, "solved"]]
     frame = pd.DataFrame({name: values.reindex(done) for name, (_, values) in columns.items()}, index=done)

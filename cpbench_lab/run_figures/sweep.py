@@ -115,7 +115,7 @@ def swept(group: pd.DataFrame, option: str = "", problems: int | None = None) ->
         raise UnknownName("option of the solvers", option, {name for setting in settings.values() for name in setting})
     times = rows_of.times(group)
     planned = len(times) if problems is None else problems
-    mean = means.means(times, limit=rows_of.limit(group), lost=rows_of.lost(group)).table["mean"]
+    mean = means.means(times, limit=rows_of.limit(group), lost=rows_of.lost(group)).mean
     rows: list[dict[str, Any]] = []
     for label, setting in having.items():
         own = times[label].to_numpy(dtype=float)

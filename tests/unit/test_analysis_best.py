@@ -27,13 +27,8 @@ def test_gaps_by_hand() -> None:
     assert found["within"].tolist() == [0.4, 0.6, 0.2]
     assert found["median"].tolist() == [1.0, 1.0, 4.5]
     assert found["mean"].tolist() == pytest.approx([4 ** (1 / 3), 2 ** (1 / 3), math.sqrt(8)])
-    assert found["common"].tolist() == [1, 1, 1]
-    assert found["mean_common"].tolist() == pytest.approx([1.0, 2.0, 8.0])
     assert found["alone"].tolist() == [0, 1, 0]
     assert found["marginal"].tolist() == pytest.approx([2 ** (1 / 4), 1.0, 4 ** (1 / 4)])
-    two = best.gaps(TIMES, compared=["a", "b"])
-    assert two["common"].tolist() == [2, 2, 2]
-    assert math.isnan(two.at["c", "mean_common"])
 
 
 def test_marginal_is_the_best_of_the_others() -> None:
@@ -53,7 +48,7 @@ def test_little_to_compare() -> None:
     assert one.at["a", "alone"] == 3
     assert math.isnan(one.at["a", "marginal"])
     nothing = best.gaps(pd.DataFrame({"a": [INF], "b": [INF]}))
-    assert nothing[["median", "mean", "mean_common", "marginal"]].isna().all(axis=None)
+    assert nothing[["median", "mean", "marginal"]].isna().all(axis=None)
     assert nothing[["solved", "within", "alone"]].eq(0).all(axis=None)
     assert best.gaps(TIMES.iloc[:0])["within"].isna().all()
     assert best.gaps(TIMES[[]]).empty
@@ -81,8 +76,8 @@ def test_a_liar_is_last_in_every_statistic() -> None:
         return bool(cost["liar"] > cost.drop("liar").max())
 
     for shift in (None, 0.0, 1e-6, 10.0):
-        assert last(means.means(times, limit=limit, shift=shift).table["mean"], least_first=True), shift
-    assert means.means(times).table["mean"].isna()["liar"], "no limit: it has no mean at all"
+        assert last(means.means(times, limit=limit, shift=shift).mean, least_first=True), shift
+    assert math.isnan(means.means(times).mean["liar"]), "no limit: it has no mean at all"
     assert means.means(times, common=["good", "liar"], limit=limit).problems == 0
     gap = best.gaps(times)
     for column in ("solved", "within"):
@@ -94,10 +89,8 @@ def test_a_liar_is_last_in_every_statistic() -> None:
     profile = profiles.performance_profile(times)
     assert [curve.label for curve in profile.by_height()][-1] == "liar"
     assert "liar" not in profile.leading(7)
-    ((_, heights),) = bootstrap.profile_heights(times, ["poor"], profiles.FLOOR).values()
-    assert bootstrap.intervals(heights, families).table["low"].iloc[-1] > 0
     cost = means.charge(times, limit)
-    mean = bootstrap.intervals(bootstrap.mean_time(times, means.default_shift(times), cost), families).table
+    mean = bootstrap.mean_time(times, means.default_shift(times), cost, families=families)
     assert last(mean["estimate"], least_first=True)
     assert mean.at["liar", "low"] == pytest.approx(cost)
     assert reliability.claim_counts(group).loc["liar", ["made", "false"]].tolist() == [20, 20]

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
-from synthetic_results import row, suite, table
+from synthetic_results import row, table
 
-from cpbench.analysis import bootstrap, means, profiles
+from cpbench.analysis import bootstrap, means
 from cpbench.analysis import table as rows_of
 
 INF = math.inf
@@ -38,17 +38,16 @@ def test_single_problems_are_scipys_bootstrap() -> None:
     def mean(sample: np.ndarray, axis: int = -1) -> np.ndarray:
         return np.exp(np.mean(np.log(sample + shift), axis=axis)) - shift
 
-    made = bootstrap.intervals(bootstrap.mean_time(times, shift, 50.0), replicates=9999, expanded=False)
+    made = bootstrap.mean_time(times, shift, 50.0, replicates=9999, expanded=False)
     for k, label in enumerate(times.columns):
         theirs = stats.bootstrap(
             (seconds[:, k],), mean, n_resamples=9999, method="percentile", rng=np.random.default_rng(1), vectorized=True
         )
-        ours = made.table.loc[label]
+        ours = made.loc[label]
         assert ours["estimate"] == pytest.approx(mean(seconds[:, k]), rel=1e-12)
         room = 0.19 * theirs.standard_error
         assert ours["low"] == pytest.approx(theirs.confidence_interval.low, abs=room)
         assert ours["high"] == pytest.approx(theirs.confidence_interval.high, abs=room)
-    assert (made.families, made.undefined) == (60, 0)
 
 
 def test_all_replicates_are_what_resampling_by_hand_gives() -> None:
@@ -60,30 +59,19 @@ def test_all_replicates_are_what_resampling_by_hand_gives() -> None:
     (_, weights), *rest = bootstrap.multiplicities(count, 50, seed=5)
     assert not rest
     assert (weights.sum(axis=1) == count).all()
-    averages, curves = [], []
+    averages = []
     for weight in weights:
         at = np.repeat(np.arange(24), weight[codes].astype(int))
         averages.append(np.exp(np.log(times.iloc[at].replace(INF, 50.0)).mean()))
-        ratios = profiles.ratios(times).iloc[at]
-        curves.append([(ratios["a"] <= tau).mean() for tau in (1.0, 1.5, 3.0)])
-    statistic = bootstrap.mean_time(times, 0.0, 50.0)
-    made = bootstrap.intervals(statistic, families, replicates=50, seed=5, level=0.8, expanded=False)
+    made = bootstrap.mean_time(times, 0.0, 50.0, None, families, replicates=50, seed=5, level=0.8, expanded=False)
     expected = np.quantile(np.array(averages), [0.1, 0.9], axis=0)
-    np.testing.assert_allclose(made.table[["low", "high"]].to_numpy().T, expected, rtol=1e-12)
-    tau, heights = bootstrap.profile_heights(times, ["a"], profiles.FLOOR)["a"]
-    band = bootstrap.intervals(heights, families, replicates=50, seed=5, level=0.8).table
-    beyond = bootstrap.tail(0.8, count)
-    low, high = np.quantile(np.array(curves), [beyond, 1 - beyond], axis=0)
-    at = np.searchsorted(tau, (1.0, 1.5, 3.0), side="right") - 1
-    np.testing.assert_allclose(band["low"].to_numpy()[at], low, atol=1e-12)
-    np.testing.assert_allclose(band["high"].to_numpy()[at], high, atol=1e-12)
+    np.testing.assert_allclose(made[["low", "high"]].to_numpy().T, expected, rtol=1e-12)
 
 
 def test_memory_blocks_change_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    statistic = bootstrap.mean_time(some(30), 1.0, 50.0)
-    one = bootstrap.intervals(statistic, replicates=200)
+    one = bootstrap.mean_time(some(30), 1.0, 50.0, replicates=200)
     monkeypatch.setattr(bootstrap, "CELLS", 301)
-    pd.testing.assert_frame_equal(bootstrap.intervals(statistic, replicates=200).table, one.table)
+    pd.testing.assert_frame_equal(bootstrap.mean_time(some(30), 1.0, 50.0, replicates=200), one)
 
 
 def test_resampling_problems_of_families_is_too_narrow() -> None:
@@ -98,44 +86,24 @@ def test_resampling_problems_of_families_is_too_narrow() -> None:
     held = {"families": 0, "problems": 0}
     for trial in range(150):
         logs = rng.normal(0, 1, 16)[family] + rng.normal(0, 0.5, 160)
-        statistic = bootstrap.mean_time(pd.DataFrame({"s": np.exp(logs)}, index=names.index), 0.0, 1.0)
+        times = pd.DataFrame({"s": np.exp(logs)}, index=names.index)
         for how, given in (("families", names), ("problems", None)):
-            found = bootstrap.intervals(statistic, given, replicates=400, seed=trial).table.loc["s"]
+            found = bootstrap.mean_time(times, 0.0, 1.0, None, given, replicates=400, seed=trial).loc["s"]
             held[how] += bool(found["low"] <= 1.0 <= found["high"])
     assert held["families"] >= 0.88 * 150
     assert held["problems"] <= 0.65 * 150
 
 
-def test_few_families_are_reported() -> None:
-    statistic = bootstrap.mean_time(some(20), 1.0, 50.0)
-    by_four = pd.Series([f"f{i % 4}" for i in range(20)], index=statistic.problems)
-    found = bootstrap.intervals(statistic, by_four)
-    assert found.families == 4
-    assert found.table["few"].all()
-    found = bootstrap.intervals(statistic, pd.Series("scene", index=statistic.problems))
-    assert found.table[["low", "high"]].isna().all(axis=None), "one family says nothing of others"
-    assert found.table["estimate"].notna().all()
-    nothing = bootstrap.intervals(bootstrap.mean_time(some(20).iloc[:0], 1.0, 50.0))
-    assert nothing.table[["estimate", "low", "high"]].isna().all(axis=None)
-
-
-def test_bands_hold_the_profile() -> None:
-    rows = rows_of.normalised(suite(45, 12))
-    times, families = rows_of.times(rows), bootstrap.families_of(rows)
-    profile = profiles.performance_profile(times)
-    for label in profile.leading(3):
-        curve = next(one for one in profile.curves if one.label == label)
-        tau, statistic = bootstrap.profile_heights(times, [label], profiles.FLOOR)[label]
-        band = bootstrap.intervals(statistic, families).table
-        assert len(tau) <= bootstrap.GRID
-        np.testing.assert_allclose(band["estimate"], [curve.at(value) for value in tau])
-        assert (band[["low", "estimate", "high"]].diff().iloc[1:] >= -1e-12).all(axis=None), "monotone"
-        assert ((band["low"] <= band["estimate"]) & (band["estimate"] <= band["high"])).all()
+def test_one_family_or_nothing_has_no_interval() -> None:
+    times = some(20)
+    found = bootstrap.mean_time(times, 1.0, 50.0, families=pd.Series("scene", index=times.index))
+    assert found[["low", "high"]].isna().all(axis=None), "one family says nothing of others"
+    assert found["estimate"].notna().all()
+    assert bootstrap.mean_time(times.iloc[:0], 1.0, 50.0).isna().all(axis=None)
 
 
 def test_seeds_and_families() -> None:
-    statistic = bootstrap.mean_time(some(), 1.0, 50.0)
-    one, same, other = (bootstrap.intervals(statistic, seed=seed).table for seed in (0, 0, 1))
+    one, same, other = (bootstrap.mean_time(some(), 1.0, 50.0, seed=seed) for seed in (0, 0, 1))
     pd.testing.assert_frame_equal(one, same)
     assert not one.equals(other)
     rows = rows_of.normalised(table(row("p", "s", "solved", 1.0, family="x"), row("q", "s", "solved", 1.0, family="")))

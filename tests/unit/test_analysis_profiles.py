@@ -1,4 +1,4 @@
-"""Performance and data profiles: values by hand, published examples, and properties on random tables."""
+"""Performance profiles: values by hand, published examples, and properties on random tables."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cpbench.analysis.data_profiles import DataProfile, data_profile, size_units
 from cpbench.analysis.profiles import FLOOR, Curve, Profile, performance_profile, ratios
-from cpbench.errors import UnknownName
 
 INF = math.inf
 
@@ -24,7 +22,7 @@ def frame(values: list[list[float]], labels: str = "abcdefgh") -> pd.DataFrame:
     return pd.DataFrame(wide, index=[f"p{i}" for i in range(len(wide))], columns=list(labels[: wide.shape[1]]))
 
 
-def heights(profile: Profile | DataProfile, label: str, *taus: float) -> list[float]:
+def heights(profile: Profile, label: str, *taus: float) -> list[float]:
     curve = next(c for c in profile.curves if c.label == label)
     return [curve.at(tau) for tau in taus]
 
@@ -107,7 +105,7 @@ TIMES = arrays(
 )
 
 
-def as_dict(profile: Profile | DataProfile) -> dict[str, tuple[list[float], tuple[int, ...]]]:
+def as_dict(profile: Profile) -> dict[str, tuple[list[float], tuple[int, ...]]]:
     return {c.label: (c.ratios.tolist(), c.count) for c in profile.curves}
 
 
@@ -154,7 +152,7 @@ def test_ratios_have_no_unit(values: np.ndarray, scale: float) -> None:
 @given(values=TIMES)
 def test_curves_are_steps_continuous_from_the_right(values: np.ndarray) -> None:
     table = frame(values.tolist())
-    for curve in (*performance_profile(table).curves, *data_profile(table).curves):
+    for curve in performance_profile(table).curves:
         for step, following in itertools.pairwise([*curve.ratios, INF]):
             assert curve.at(np.nextafter(step, -INF)) < curve.at(step)
             after = np.nextafter(step, INF)
@@ -222,51 +220,3 @@ class TestPublished:
             zero=x,
             unit=94.695625,
         ) == {"alpha": 0.7, "beta": 0.6, "gamma": 0.6}
-
-
-def test_data_profile_by_the_definition() -> None:
-    """Moré and Wild's definition, one problem at a time: no package publishes numbers of one."""
-    rng = np.random.default_rng(5)
-    values = rng.integers(0, 40, (60, 4)).astype(float)
-    values[rng.uniform(size=values.shape) < 0.3] = INF
-    table = frame(values.tolist())
-    size = rng.integers(1, 9, len(table))
-    profile = data_profile(table, problems=75, units=pd.Series(size + 1.0, index=table.index))
-    for s, curve in enumerate(profile.curves):
-        for budget in (0.0, 0.3, 1.0, 2.5, 7.0, profile.widest, INF):
-            solved = 0
-            for p in range(len(table)):
-                if values[p, s] < INF and values[p, s] / (size[p] + 1) <= budget:
-                    solved += 1
-            assert curve.at(budget) == solved / 75
-
-
-@settings(deadline=None, max_examples=40)
-@given(values=TIMES, seed=st.integers(0, 2**16))
-def test_data_profiles_do_not_depend_on_the_solvers_shown(values: np.ndarray, seed: int) -> None:
-    table = frame(values.tolist())
-    rng = np.random.default_rng(seed)
-    units = pd.Series(rng.uniform(0.5, 3.0, len(table)), index=table.index)
-    whole = as_dict(data_profile(table, units=units))
-    for label in table.columns:
-        alone = table[[label]].iloc[rng.permutation(len(table))]
-        assert as_dict(data_profile(alone, units=units)) == {label: whole[label]}
-        assert heights(data_profile(alone, units=units), label, INF) == [float(np.isfinite(alone).mean().iloc[0])]
-    for label, height in data_profile(table, units=units).within(INF).items():
-        assert height == performance_profile(table).curves[list(table.columns).index(label)].at(INF)
-
-
-def test_data_profile_corners_and_refusals() -> None:
-    table = frame([[0.0], [3.0]])
-    (curve,) = data_profile(table, problems=4).curves
-    x, y = curve.steps(5.0, start=0.0)
-    assert (x.tolist(), y.tolist()) == ([0, 3, 5], [0.25, 0.5, 0.5])
-    assert data_profile(frame([[INF]])).widest == 0.0
-    with pytest.raises(ValueError, match="negative cost -1"):
-        data_profile(frame([[-1.0]]))
-    with pytest.raises(ValueError, match="problem p1: its unit is nan"):
-        data_profile(table, units=pd.Series({"p0": 1.0}))
-    with pytest.raises(ValueError, match=r"problem p0: its unit is 0\.0"):
-        data_profile(table, units=pd.Series({"p0": 0.0, "p1": 1.0}))
-    with pytest.raises(UnknownName, match=r"did you mean n\?"):
-        size_units(pd.DataFrame({"fingerprint": ["f"], "sizes": ['{"n": 3}']}), "nn")

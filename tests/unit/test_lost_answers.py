@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from synthetic_results import row
 
-from cpbench.analysis import best, bootstrap, data_profiles, means, metrics, profiles
+from cpbench.analysis import best, bootstrap, means, metrics, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import rankings
 
@@ -32,9 +32,8 @@ def _without() -> pd.DataFrame:
 def test_curves_end_at_the_share_of_what_was_not_lost() -> None:
     group = _rows()
     times, lost = rows_of.times(group), rows_of.lost(group)
-    for profile in (profiles.performance_profile(times, lost=lost), data_profiles.data_profile(times, lost=lost)):
-        lemke, osqp = profile.curves
-        assert (lemke.at(math.inf), osqp.at(math.inf)) == (1.0, 7 / 8)
+    lemke, osqp = profiles.performance_profile(times, lost=lost).curves
+    assert (lemke.at(math.inf), osqp.at(math.inf)) == (1.0, 7 / 8)
     assert metrics.measured(group, metrics.METRICS["time"]).lost.equals(lost)
 
 
@@ -42,22 +41,16 @@ def test_means_are_those_without_the_pairs() -> None:
     group = _rows()
     times, lost = rows_of.times(group), rows_of.lost(group)
     alone = times.loc[~lost["osqp"], ["osqp"]]
-    found = means.means(times, shift=0.5, limit=60.0, lost=lost).table.loc["osqp"]
-    expected = means.means(alone, shift=0.5, limit=60.0).table.loc["osqp", "mean"]
-    assert found["mean"] == pytest.approx(expected, rel=1e-12)  # pyright: ignore[reportGeneralTypeIssues]
-    assert (found["planned"], found["solved"], found["charged"], found["lost"]) == (10, 7, 1, 2)
+    found = means.means(times, shift=0.5, limit=60.0, lost=lost).mean["osqp"]
+    assert found == pytest.approx(means.means(alone, shift=0.5, limit=60.0).mean["osqp"], rel=1e-12)
 
 
 def test_intervals_are_those_without_the_pairs() -> None:
     """Families of one problem each: what is left out of a family leaves the family out."""
     group = _rows()
     times, lost = rows_of.times(group), rows_of.lost(group)
-    mean = bootstrap.intervals(bootstrap.mean_time(times, 0.5, 60.0, lost)).table.loc["osqp", "estimate"]
-    assert mean == pytest.approx(means.means(times, shift=0.5, limit=60.0, lost=lost).table.loc["osqp", "mean"])
-    _, heights = bootstrap.profile_heights(times, ["osqp"], profiles.FLOOR, lost)["osqp"]
-    last = bootstrap.intervals(heights).table.iloc[-1]
-    assert (float(last["estimate"]), int(last["problems"])) == (7 / 8, 8)
-    assert last["low"] <= 7 / 8 <= last["high"]
+    mean = bootstrap.mean_time(times, 0.5, 60.0, lost).at["osqp", "estimate"]
+    assert mean == pytest.approx(means.means(times, shift=0.5, limit=60.0, lost=lost).mean["osqp"])
 
 
 def test_tables_count_them_by_themselves() -> None:
@@ -74,4 +67,4 @@ def test_nothing_changes_where_nothing_is_lost() -> None:
     group = rows[rows["label"] == "lemke"]
     times, lost = rows_of.times(group), rows_of.lost(group)
     assert not np.asarray(lost).any()
-    assert means.means(times, limit=9.0, lost=lost).table.equals(means.means(times, limit=9.0).table)
+    assert means.means(times, limit=9.0, lost=lost).mean.equals(means.means(times, limit=9.0).mean)

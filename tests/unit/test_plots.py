@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
 from tiers import some_by_day
 
-from cpbench.analysis import histories, pairwise, profiles, scaling
+from cpbench.analysis import histories, profiles, scaling
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
@@ -26,7 +26,7 @@ from cpbench.report.figure_kinds import Drawing, find, summaries
 from cpbench.report.run import Run, assembled
 
 ROOM = "cpbench.report.plots"
-KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling")
+KINDS = ("profile", "convergence", "precision", "scaling")
 SUITE = suite(20, 12)
 
 
@@ -88,47 +88,11 @@ def test_a_solver_has_one_look_in_all_figures_whatever_is_shown() -> None:
     run = run_of(SUITE)
     label = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(3)[2]
     other = next(name for name in run.looks if name != label)
-    for kind in ("profile", "data-profile"):
-        for chosen in ((), (label, other), (label,)):
-            of_colour(draw(kind, run, Choice(solvers=chosen)), run.looks[label])
+    for chosen in ((), (label, other), (label,)):
+        of_colour(draw("profile", run, Choice(solvers=chosen)), run.looks[label])
     assert len(set(run.looks.values())) == len(run.looks)
     leading = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(legend.EMPHASISED)
     assert len({legend.colour(run.looks[name]) for name in leading}) == len(leading)
-
-
-def test_bands_are_around_the_leading_curves() -> None:
-    drawn = draw("profile", run_of(SUITE), bands=True)
-    assert len(drawn.figure.axes[0].collections) == 3
-    assert "5 families drawn again 1000 times" in drawn.guide
-
-
-def test_data_profile_steps_at_the_times() -> None:
-    drawn = draw("data-profile", run_of(SUITE))
-    times = rows_of.times(rows_of.normalised(SUITE))
-    label = profiles.performance_profile(times).leading(1)[0]
-    x, y = of_colour(drawn, run_of(SUITE).looks[label])
-    own = np.sort(times[label][np.isfinite(times[label])])
-    assert np.array_equal(x[1:-1], np.unique(own))
-    assert y[-1] == len(own) / 20
-
-
-def test_data_profile_per_dimension_divides_the_budget() -> None:
-    rows = table(row("a", "s", "solved", 6.0, sizes='{"n": 3}'), row("b", "s", "solved", 8.0, sizes='{"n": 2}'))
-    x, _ = of_colour(draw("data-profile", run_of(rows), per="n"), 0)
-    assert x[1:-1].tolist() == [2.0, 4.0]
-
-
-def test_pairwise_points_are_costs_and_counts_those_of_the_records() -> None:
-    times = rows_of.times(rows_of.normalised(SUITE))
-    one, other = profiles.performance_profile(times).leading(2)
-    drawn = draw("pairwise", run_of(SUITE), against=f"{one},{other}")
-    wins = pairwise.record(times, one, other)[0]
-    ahead = [line for line in lines(drawn) if line.get_marker() == "o"]
-    assert len(ahead[0].get_xdata()) == wins
-    assert f"{one} is ahead on {wins}" in drawn.guide
-    both = times[[one, other]].clip(lower=profiles.FLOOR)
-    both = both[np.isfinite(both).all(axis=1) & (both[one] < both[other])]
-    assert set(both[one]) <= set(ahead[0].get_xdata())
 
 
 def recorded() -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -203,7 +167,7 @@ def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> N
     rows = pd.concat([SUITE, SUITE[SUITE["label"] == "lemke"].assign(label=hostile, key=lambda r: r["key"] + "h")])
     file = results_file(tmp_path / "r.sqlite", rows)
     target = tmp_path / f"x.{suffix}"
-    done = CliRunner().invoke(cli, ["plot", "pairwise", str(file), "-o", str(target), "--against", f"{hostile},pgs"])
+    done = CliRunner().invoke(cli, ["plot", "profile", str(file), "-o", str(target)])
     assert done.exit_code == 0, done.output
     assert target.stat().st_size > 5000
     if suffix == "svg":
@@ -219,9 +183,6 @@ def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> N
             (["profile", "FILE", "-o", "x.svg", "--solver", "nobody"], "unknown solver of the results 'nobody'"),
             (["profile", "FILE", "-o", "x.svg", "--node", "fc"], "unknown formulation 'fc'"),
             (["profile", "FILE", "-o", "x.svg", "--family", "x*"], "unknown family 'x\\*'"),
-            (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs"], "takes two different labels"),
-            (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs,pg"], "unknown solver of the results 'pg'"),
-            (["data-profile", "FILE", "-o", "x.svg", "--per", "nc"], "unknown dimension 'nc'"),
             (["profile", "none.sqlite", "-o", "x.svg"], "none.sqlite"),
             (["profil", "FILE", "-o", "x.svg"], "unknown figure 'profil': did you mean profile"),
         ],

@@ -13,7 +13,7 @@ import pytest
 from command_line import cpbench, with_plugins
 
 import cpbench as cp
-from cpbench.analysis.remarks import clocks
+from cpbench.analysis.cautions import clocks
 from cpbench.bench.messages import Result, Seconds
 from cpbench.bench.outcome import LATE, LATE_SHARE, marks, runners_time
 from cpbench.bench.worker import _counters

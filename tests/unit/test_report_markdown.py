@@ -273,16 +273,6 @@ def test_no_folder_of_the_machine_is_printed(tmp_path: Path, monkeypatch: pytest
     assert "cpbench solve in/p.h5 -s s" in text
 
 
-def test_an_order_that_a_third_solver_decides_is_reported(tmp_path: Path) -> None:
-    seconds = {
-        "a": [1.0] * 7 + [5.0] * 3,
-        "b": [2.5] * 3 + [9.0] * 4 + [1.0] * 3,
-        "c": [6.0] * 3 + [2.0] * 4 + [2.5] * 3,
-    }
-    rows = [row(f"p-{i}", label, "solved", t) for label, times in seconds.items() for i, t in enumerate(times)]
-    assert "\n- `c` is above `b` there, below it pairwise\n" in report(table(*rows), tmp_path)
-
-
 def test_commands_load_the_file_that_a_solver_comes_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     sheets = {

@@ -35,12 +35,12 @@ def test_means_stand_with_their_intervals(tmp_path: Path) -> None:
     times = rows_of.times(group)
     leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
     every, common = means.means(times, limit=10.0), means.means(times, limit=10.0, common=leading)
-    around = bootstrap.intervals(bootstrap.mean_time(times, every.shift, 10.0), bootstrap.families_of(group)).table
+    around = bootstrap.mean_time(times, every.shift, 10.0, families=bootstrap.families_of(group))
     shown = cells(text)
     assert set(shown) == set(times.columns)
     for label, found in shown.items():
         low, high = (float(around.at[label, end]) for end in ("low", "high"))
-        assert found["mean over all 45"] == seconds(float(every.table.at[label, "mean"]))
+        assert found["mean over all 45"] == seconds(float(every.mean[label]))
         assert found["95 % interval"] == f"{seconds(low)} to {seconds(high)}"
         assert (found[f"mean over {common.problems} in common"] == "—") == (label not in leading)
     assert f"shift {seconds(every.shift)} (median of all times); a problem not solved is charged 10 s." in text

@@ -84,13 +84,10 @@ def mean_ratio(
     count = cluster.nunique()
     if count < 2:
         cluster = problems
-    places = pd.RangeIndex(len(ratios))
-    top = np.log(ratios.to_numpy(dtype=float))[:, None]
-    mean = bootstrap.Statistic(("mean",), places, top, np.ones_like(top), lambda x: x)
-    names = pd.Series(cluster.to_numpy(), index=places)
-    intervals = bootstrap.intervals(mean, names, level=LEVEL, seed=seed, expanded=False)
-    estimate, low, high = (float(intervals.table.loc["mean", name]) for name in ("estimate", "low", "high"))
-    k = cluster.nunique()
+    logs, k = np.log(ratios.to_numpy(dtype=float))[:, None], cluster.nunique()
+    codes = pd.factorize(cluster, sort=True)[0]
+    mean = bootstrap.intervals(logs, np.ones_like(logs), (codes, k), level=LEVEL, seed=seed, expanded=False)
+    estimate, low, high = (float(mean.at[0, name]) for name in ("estimate", "low", "high"))
     wider = float(stats.t.ppf((1 + LEVEL) / 2, k - 1)) / _Z * math.sqrt(k / (k - 1)) if k > 1 else math.nan
     ends = (math.exp(estimate + wider * (end - estimate)) for end in (low, high))
     return math.exp(estimate), *ends, count  # type: ignore[return-value]
