@@ -24,7 +24,7 @@ from cpbench.analysis import histories, metrics, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.participation import REFUSED
-from cpbench.analysis.profiles import performance_profile
+from cpbench.analysis.profiles import Profile
 from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.foundation import frames
 from cpbench.report.matrix import SYMBOLS
@@ -226,7 +226,7 @@ def _groups(
                 "first": first,
                 "count": len(rows),
                 "problems": [int(code) for code in order["code"]],
-                "order": [places[label] for label in _order(rows)],
+                "order": [places[label] for label in _order(rows, run.compared[group].profile)],
                 "precision": _precision(rows, run.histories),
             }
         )
@@ -234,17 +234,11 @@ def _groups(
     return groups
 
 
-def _order(rows: pd.DataFrame) -> list[str]:
-    """Return the labels of a group: by the area under the performance profile of their times those that solve something
-    and are ranked, then the others, in order of label."""
-    compared = rows_of.only_ranked(rows)
-    leading: list[str] = []
-    if len(compared):
-        times, lost = rows_of.times(compared), rows_of.lost(compared)
-        profile = performance_profile(times, rows["fingerprint"].nunique(), lost=lost)
-        leading = profile.leading(len(profile.curves))
-    first = set(leading)
-    return [*leading, *sorted(set(rows["label"]) - first)]
+def _order(rows: pd.DataFrame, profile: Profile) -> list[str]:
+    """Return the labels of a group: by the area under their profile those that solve something and are ranked, then the
+    others, in order of label."""
+    leading = profile.leading(len(profile.curves))
+    return [*leading, *sorted(set(rows["label"]) - set(leading))]
 
 
 def _precision(rows: pd.DataFrame, kept: pd.DataFrame) -> list[dict[str, Any]]:

@@ -399,19 +399,6 @@ def test_families_are_resampled_not_problems() -> None:
     assert low.high / low.low > high.high / high.low
 
 
-@pytest.mark.nightly
-def test_intervals_hold_what_they_promise(rng: np.random.Generator) -> None:
-    """Ratios with a part of their own and one that their family shares: the interval covers 1 about 95 times in 100."""
-    covered = 0
-    for seed in range(300):
-        family = np.repeat(rng.normal(0, 0.03, 5), 4)
-        ratio = pd.Series(np.exp(family + rng.normal(0, 0.03, 20)))
-        names = pd.Series(np.repeat(list("abcde"), 4))
-        _, low, high, _ = suites.mean_ratio(ratio, names, pd.Series(range(20)).astype(str), seed)
-        covered += low <= 1 <= high
-    assert 0.92 <= covered / 300 <= 0.995
-
-
 def test_labels_share_the_level() -> None:
     """What one label may say with a level of 5 %, one of fifty may not."""
     pairs = compare(*ten(1.07, spread=0.002)).pairs

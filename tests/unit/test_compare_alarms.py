@@ -106,12 +106,6 @@ def test_a_bias_without_evidence_is_called_assumed() -> None:
     assert any("no builds of equal code" in note for note in files(0, 1.0).notes)
 
 
-@pytest.mark.parametrize("number", [4, *by_night([40])])
-def test_a_fifth_less_time_is_found(number: int) -> None:
-    told = verdicts([files(seed, 1 / 1.2) for seed in range(number)])
-    assert told[PairVerdict.IMPROVED] >= 0.95 * number, told
-
-
 @pytest.mark.nightly
 def test_more_repeats_raise_no_more_alarms() -> None:
     """Ten repeats of one moment are compared by ranks, and are still of one moment."""
