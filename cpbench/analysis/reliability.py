@@ -13,26 +13,11 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
+from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, PROVEN, REFUSED, Status
 
 CLAIMED = "solved"
 """The claim that is compared with the verdict."""
-JUDGED = tuple(
-    str(s)
-    for s in (
-        Status.SOLVED,
-        Status.STATIONARY,
-        Status.APPROXIMATE,
-        Status.LOST,
-        Status.INACCURATE,
-        Status.WRONG,
-        Status.UNRESOLVABLE,
-        Status.INFEASIBLE,
-        Status.UNBOUNDED,
-        Status.FAILED,
-        Status.MAX_ITER,
-    )
-)
+JUDGED = tuple(str(s) for s in Status if s not in (*REFUSED, Status.TIMEOUT, Status.MEMOUT, Status.CRASH, Status.ERROR))
 """Statuses of a solver that came back within its limits, so that its claim and the verdict can be compared."""
 
 NEAR = 2.0

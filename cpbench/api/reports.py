@@ -40,7 +40,7 @@ def write_report(
     title: str,
     run: RunTable | None = None,
     *,
-    data: Sequence[str] | None = ("csv",),
+    csv: bool | None = True,
     comparison: Comparison | None = None,
     publishable: bool = False,
     with_imported: bool = False,
@@ -51,36 +51,37 @@ def write_report(
 
     Parameters
     ----------
-    run : the rows of the store, read here where they are not at hand. data : formats of the rows; None for all that
-        are not too large. changed : lines on problem files. The other ones are those of `report.folder.write_folder`.
+    run : the rows of the store, read here where they are not at hand. csv : whether the rows are written; None where
+        they are not too many. changed : lines on problem files. Others are those of `report.folder.write_folder`.
     """
     run = RunTable.of(store.table(), store.meta()) if run is None else run
     run = replace(run, meta={**run.meta, "changed": list(changed), "sha256": store.sha256()})
-    forms, notes = row_files.chosen(len(run.rows), data)
+    many = csv is None and len(run.rows) > row_files.MOST
+    notes = [f"no results.csv: {len(run.rows)} rows are more than {row_files.MOST}; --csv writes it all the same"]
     files = write_folder(
         run,
         folder,
         title,
         history.table(store.histories()),
         comparison=comparison,
-        data=forms,
+        has_csv=csv is not False and not many,
         origins=_origins(store, run.stored),
         address=address_text,
         publishable=publishable,
         with_imported=with_imported,
         count_stationary=count_stationary,
     )
-    return list(files), list(notes)
+    return list(files), notes if many else []
 
 
 def report_file(
-    results: Path, folder: Path, title: str, baseline: Path | None, data: Sequence[str] | None, **choices: Any
+    results: Path, folder: Path, title: str, baseline: Path | None, **choices: Any
 ) -> tuple[list[Path], list[str]]:
     """Write the report of a results file, with a comparison where another run is given.
 
     Parameters
     ----------
-    data, choices : as `write_report` takes them. Returns what `write_report` does.
+    choices : as `write_report` takes them. Returns what `write_report` does.
     """
     from cpbench.analysis.comparison import compare
     from cpbench.api.comparing import side, side_of
@@ -89,14 +90,12 @@ def report_file(
         require_folder(folder)
         changed = problem_files.changed(store)
         if baseline is None:
-            files, notes = write_report(store, folder, title, data=data, changed=changed, **choices)
+            files, notes = write_report(store, folder, title, changed=changed, **choices)
             return files, [*notes, *changed]
         new = side_of(store)
         comparison = compare(side(baseline), new)
         run = RunTable.of(new.table, store.meta())
-        files, notes = write_report(
-            store, folder, title, run, data=data, comparison=comparison, changed=changed, **choices
-        )
+        files, notes = write_report(store, folder, title, run, comparison=comparison, changed=changed, **choices)
         return files, [*notes, *changed]
 
 

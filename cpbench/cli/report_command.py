@@ -6,10 +6,9 @@ from pathlib import Path
 
 import click
 
-from cpbench.cli.options import Command, ListOption, publishable_option, stationary_option
+from cpbench.cli.options import Command, publishable_option, stationary_option
 from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import PATH
-from cpbench.errors import UnknownName
 
 
 @click.command(cls=Command)
@@ -23,13 +22,7 @@ from cpbench.errors import UnknownName
     help="Run to compare with in a section of the Markdown report.",
 )
 @publishable_option
-@click.option(
-    "--data",
-    cls=ListOption,
-    metavar="NAMES",
-    help="Formats of the rows: csv, json, parquet. Default: all; CSV and Parquet ([arrow]) up to 200000 rows, JSON up "
-    "to 20000.",
-)
+@click.option("--csv", is_flag=True, help="Write results.csv also of more than 200000 rows.")
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 @stationary_option
 def command(
@@ -38,7 +31,7 @@ def command(
     title: str | None,
     baseline: Path | None,
     publishable: bool,
-    data: tuple[str, ...],
+    csv: bool,
     with_imported: bool,
     count_stationary: bool,
 ) -> None:
@@ -46,11 +39,8 @@ def command(
     choices = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
     folder, name = output or Path("reports") / results.stem, title or results.stem
     from cpbench.api import reports
-    from cpbench.report import row_files
 
-    for unknown in [name for name in data if name not in row_files.FORMATS]:
-        raise UnknownName("format of rows", unknown, row_files.FORMATS)
     before = list(folder.iterdir()) if folder.is_dir() else []
-    files, remarks = reports.report_file(results, folder, name, baseline, data or None, **choices)
+    files, remarks = reports.report_file(results, folder, name, baseline, csv=csv or None, **choices)
     print_lines(f"report: {replaced(path, before)}" for path in files)
     print_lines(remarks, err=True)

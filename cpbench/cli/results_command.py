@@ -63,7 +63,7 @@ def _warn(line: str) -> None:
 
 @command.command("export", cls=Command)
 @click.argument("results", type=PATH)
-@click.option("--rows", type=PATH, help="Output file of the rows: .csv, .json or .parquet ([arrow] extra).")
+@click.option("--rows", type=PATH, help="Output file of the rows: .csv.")
 @click.option(
     "--columns",
     cls=ListOption,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,11 +27,11 @@ def write_folder(
     with_imported: bool = False,
     count_stationary: bool = False,
     comparison: Comparison | None = None,
-    data: Collection[str] = ("csv",),
+    has_csv: bool = True,
     origins: Mapping[str, ProblemOrigin] | None = None,
     address: Callable[[str], str] = str,
-) -> tuple[Path, ...]:
-    """Write report.md, report.html and the rows; gives the paths of all but results.csv.
+) -> tuple[Path, Path]:
+    """Write report.md, report.html and results.csv; gives the paths of the first two.
 
     Parameters
     ----------
@@ -41,16 +41,14 @@ def write_folder(
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     count_stationary : whether answers that are stationary only are among the solved.
     comparison : with another run (`analysis.comparison`), a separate section in the Markdown.
-    data : formats of the rows (`row_files.chosen`).
+    has_csv : whether results.csv is beside it.
     address : what the report says in place of the address of a problem.
     origins : source and licence of the problems, by family.
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
-    chosen |= {"has_csv": "csv" in data}
-    run = assembled(given, Path(folder), histories, origins=origins, address=address, **chosen)
+    run = assembled(given, Path(folder), histories, origins=origins, address=address, has_csv=has_csv, **chosen)
     markdown, given_text = documents.write(run, title, comparison)
-    written = [markdown, page.write(run, given_text)]
-    files = [run.folder / f"results.{name}" for name in data]
-    for path in files:
-        row_files.write(run.timed, path)
-    return (*written, *(path for path in files if path.suffix != ".csv"))
+    html = page.write(run, given_text)
+    if has_csv:
+        row_files.write(run.timed, run.folder / "results.csv")
+    return markdown, html
