@@ -162,7 +162,7 @@ def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
         (f"set {group.set}" if group.set else "", {g.set for g in others}),
         (f"tolerance {group.tolerance:g}", {g.tolerance for g in others}),
         (f"{group.start} start", {g.start for g in others}),
-        (f"threads {group.threads}", {g.threads for g in others}),
+        (counted(group.threads, "thread"), {g.threads for g in others}),
         (f"judged by {group.measure or 'all measures'}", {g.measure for g in others}),
     )
     return ", ".join([group.node, *(text for text, values in sentence if text and len(values) > 1)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,7 @@ from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
 from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.profiles import Profile, performance_profile
-from cpbench.analysis.ranking import Ranking, rankings
+from cpbench.analysis.ranking import Ranking, formulation, rankings
 from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
 from cpbench.report.legend import PALETTE
@@ -228,21 +228,4 @@ def group_name(run: Run, group: ResultGroup) -> str:
 
 def group_name_text(run: Run, group: ResultGroup) -> str:
     """Return the same as plain text."""
-    others = [g for g, _ in run.parts if g.node == group.node]
-    parts = [one_line(group.node)]
-    if len({g.tolerance for g in others}) > 1:
-        parts.append(f"tolerance {group.tolerance:g}")
-    if len({g.start for g in others}) > 1:
-        parts.append(f"{one_line(group.start)} start")
-    if len({g.threads for g in others}) > 1:
-        parts.append(counted(group.threads, "thread"))
-    if len({g.set for g in others}) > 1 and group.set:
-        parts.insert(1, f"set {one_line(group.set)}")
-    if len({g.measure for g in others}) > 1:
-        parts.append(f"judged by {one_line(group.measure)}" if group.measure else "judged by all measures")
-    return ", ".join(parts)
-
-
-def each(frame: pd.DataFrame) -> Iterator[Any]:
-    """Yield the rows of a frame, its columns as attributes."""
-    yield from frame.itertuples(index=False)
+    return one_line(formulation(group, [g for g, _ in run.parts]))
