@@ -1,9 +1,15 @@
-"""Performance profiles: values by hand, published examples, and properties on random tables."""
+"""Performance profiles: values by hand, published examples, properties on random tables; what other packages get wrong.
+
+The wrong figures are recomputed from their formulas where that is one line.
+"""
 
 from __future__ import annotations
 
+import ast
 import itertools
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,10 +17,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from synthetic_results import row, suite
 
+from cpbench import analysis
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.metrics import METRICS, matrix
 from cpbench.analysis.profiles import FLOOR, Curve, Profile, performance_profile, ratios
 
 INF = math.inf
+ANALYSIS = Path(analysis.__path__[0])
 
 
 def frame(values: list[list[float]], labels: str = "abcdefgh") -> pd.DataFrame:
@@ -220,3 +231,70 @@ class TestPublished:
             zero=x,
             unit=94.695625,
         ) == {"alpha": 0.7, "beta": 0.6, "gamma": 0.6}
+
+
+def test_failures_are_not_the_best_when_every_ratio_is_one() -> None:
+    """BenchmarkProfiles.jl charges a failure twice the largest log ratio: when all of them are 0, that is the best."""
+    table = frame([[5, 5], [7, INF], [3, 3]])
+    logs = np.log2(ratios(table).to_numpy())
+    theirs = np.where(np.isinf(logs), 2 * logs[np.isfinite(logs)].max(), logs)
+    assert theirs.max() <= 0, "both at 100 % from the start"
+    profile = performance_profile(table)
+    assert heights(profile, "a", 1, INF) == [1.0, 1.0]
+    assert heights(profile, "b", 1, 1e300, INF) == [2 / 3] * 3
+
+
+def test_one_zero_touches_no_other_problem() -> None:
+    """BenchmarkProfiles.jl adds 1 to every measure when one of them is 0: a ratio of 100 becomes 1.099."""
+    table = frame([[0.001, 0.1], [0.0, 0.5]])
+    theirs = (table + 1).loc["p0"]
+    assert float(theirs["b"]) / float(theirs["a"]) == pytest.approx(1.099, abs=1e-3)
+    assert ratios(table, floor=1e-6).loc["p0", "b"] == pytest.approx(100.0)
+    assert table.loc["p1", "a"] == 0.0, "the input is not changed"
+
+
+def liars() -> pd.DataFrame:
+    """Rows of a run with one more solver: fastest on every problem, by every measure, and wrong on each."""
+    run = suite(30, 12)
+    lies = [
+        row(str(problem), "liar", "wrong", 1e-9, counters='{"iterations": 1}', cpu=1e-9, peak=1.0, reported=1e-9)
+        for problem in run["problem"].unique()
+    ]
+    count = np.random.default_rng(0).integers(1, 99, len(run))
+    run["counters"] = [f'{{"iterations": {k}}}' for k in count]
+    return rows_of.normalised(pd.DataFrame([*run.to_dict("records"), *lies]).assign(peak=3e6, reported=1.0))
+
+
+@pytest.mark.parametrize("name", list(METRICS))
+def test_a_liar_is_last_at_every_ratio(name: str) -> None:
+    """qpbenchmark keeps the time of a wrong answer: the liar has the best mean, and all others look slow beside it."""
+    rows = liars()
+    values = matrix(rows, METRICS[name])
+    profile = performance_profile(values, floor=METRICS[name].floor)
+    assert profile.by_height()[-1].at(INF) == 0.0
+    (liar,) = [curve for curve in profile.curves if curve.label == "liar"]
+    assert liar.solved == 0, "at 0 for every τ, so nobody lies below it"
+    honest = performance_profile(values.drop(columns="liar"), floor=METRICS[name].floor)
+    for one, other in zip(honest.curves, (c for c in profile.curves if c.label != "liar"), strict=True):
+        assert numbers_of(one) == numbers_of(other), "it takes nobody's lead"
+
+
+def numbers_of(curve: Curve) -> tuple[object, ...]:
+    return curve.label, curve.ratios.tolist(), curve.count, curve.problems
+
+
+def test_the_analysis_touches_no_private_part_of_pandas() -> None:
+    """Nothing that the next release may take away: no name with an underscore, no module of its inside."""
+    private = re.compile(r"^(_mgr|_values|_data|_libs|_typing|_constructor\w*)$")
+    for path in sorted(ANALYSIS.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names: list[str] = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [node.module or ""]
+            assert not any(re.match(r"pandas\.(core|_|compat|io)", name) for name in names), f"{path.name}: {names}"
+            if isinstance(node, ast.Attribute):
+                assert not private.match(node.attr), f"{path.name}:{node.lineno}: {node.attr}"
+                held = isinstance(node.value, ast.Name) and node.value.id == "pd"
+                assert not (held and node.attr in ("core", "compat", "io")), f"{path.name}:{node.lineno}"
