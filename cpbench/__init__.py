@@ -42,8 +42,8 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.bench.results.store import read_results as read_results
     from cpbench.conversions import make as make
     from cpbench.errors import CpbenchError as CpbenchError
-    from cpbench.foundation.product_cones import Cone as Cone
-    from cpbench.foundation.product_cones import ProductCone as ProductCone
+    from cpbench.foundation.cones import Cone as Cone
+    from cpbench.foundation.cones import ProductCone as ProductCone
     from cpbench.graph import arrive as arrive
     from cpbench.graph import lift as lift
     from cpbench.graph import push as push
@@ -58,8 +58,8 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Cone": "foundation.product_cones",
-    "ProductCone": "foundation.product_cones",
+    "Cone": "foundation.cones",
+    "ProductCone": "foundation.cones",
     "load": "api.problems",
     "save": "storage",
     "Recorder": "storage",

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows
 
 

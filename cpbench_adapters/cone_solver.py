@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.conic import ConeQP, ConeQPPoint
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench_adapters.cone_program import ConeProgram, cone_program, obstacle
 from cpbench_adapters.conic_models import ConicModel

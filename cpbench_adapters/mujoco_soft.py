@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from cpbench.errors import NotApplicable
 from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping, no_looser
 

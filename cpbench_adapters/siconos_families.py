@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 from cpbench.solvers.base import solvers
 from cpbench_adapters.siconos import SiconosEntry, SiconosSolver, index_sets
 from cpbench_adapters.siconos_nonlinear import SiconosNonlinear

@@ -13,11 +13,10 @@ import numpy as np
 from cpbench import graph, storage
 from cpbench.api.problems import verify
 from cpbench.errors import CpbenchError, FormatError, NoRoute
-from cpbench.formulations.applications.game import game_sizes
-from cpbench.formulations.applications.own_unknowns import own_unknowns
+from cpbench.formulations.applications import game_sizes, own_unknowns
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.storage.base import write_atomic
 from cpbench_lab.certifying import require_flint
 

@@ -18,7 +18,7 @@ from cpbench.errors import ProblemError, Unavailable
 from cpbench.formulations.base import Contacts
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 
 OF_PAIR = 4096
 """Numbers that each pair of geometries has for its contacts."""

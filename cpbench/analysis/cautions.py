@@ -16,7 +16,7 @@ from cpbench.analysis import starts
 from cpbench.analysis.failures import flagged
 from cpbench.analysis.metrics import Metric
 from cpbench.analysis.starts import COLD
-from cpbench.foundation.plurals import counted, some_of
+from cpbench.foundation.text import counted, some_of
 
 Sheets = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")

@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.foundation.plurals import some_of
+from cpbench.foundation.text import some_of
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 META = "contradictions"

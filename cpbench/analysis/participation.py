@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.foundation.plurals import counted, some_of
+from cpbench.foundation.text import counted, some_of
 from cpbench.verification import REFUSED, Status
 
 LACK = {"missing": "not installed", "licence": "no licence"}

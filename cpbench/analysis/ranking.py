@@ -26,7 +26,7 @@ from cpbench.analysis.reliability import false_claims, near
 from cpbench.analysis.table import ResultGroup
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Kind
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.verification import PROVEN, Status
 
 LINES = 10

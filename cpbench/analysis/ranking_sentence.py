@@ -16,7 +16,7 @@ import pandas as pd
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import FLOOR
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.verification import INACCURATE_FACTOR, Status
 
 if TYPE_CHECKING:

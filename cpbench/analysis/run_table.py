@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cpbench.analysis import cautions, contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import Ranking, rankings
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,8 +13,7 @@ from cpbench.analysis.run_table import META
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.foundation.extensions import HOOKS, added, hook
-from cpbench.foundation.plain_text import on_one_line
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted, on_one_line
 from cpbench.generators.collection import catalogue, identity
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from cpbench.errors import ProblemError, Unavailable
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.conic import ConeQP
 from cpbench.formulations.programs import QP
-from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.storage.program_properties import OFFSET, SENSE
+from cpbench.foundation.cones import Cone, ProductCone
+from cpbench.storage.base import OFFSET, SENSE
 
 NO_CONES = {"exp": "exponential cones", "psd": "semidefinite cones", "p3d": "power cones", "pnd": "power cones"}
 """Cones of CVXPY that no formulation has."""

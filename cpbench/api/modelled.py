@@ -9,9 +9,14 @@ from typing import Any
 from cpbench.api import cvxpy_program
 from cpbench.api.problems import point_of
 from cpbench.api.solution import Solution
-from cpbench.formulations.applications.boxed import boxed_problem, rows_of
-from cpbench.formulations.applications.game import game_problem, strategies
-from cpbench.formulations.applications.least_squares import columns_of, least_squares_problem
+from cpbench.formulations.applications import (
+    boxed_problem,
+    columns_of,
+    game_problem,
+    least_squares_problem,
+    rows_of,
+    strategies,
+)
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.primal import Primal, primal_of
 

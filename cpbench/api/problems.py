@@ -146,11 +146,11 @@ def explain(problem: Problem, to: str) -> list[str]:
     """
     from cpbench import graph
     from cpbench.errors import NoRoute
-    from cpbench.foundation import brackets
     from cpbench.foundation.extensions import function
+    from cpbench.foundation.text import read_brackets
     from cpbench.solvers.base import solvers
 
-    if to not in graph.formulations and brackets.read("solver", to)[0] in solvers:
+    if to not in graph.formulations and read_brackets("solver", to)[0] in solvers:
         return list(function("diagnose")(problem, to).lines())
     graph.formulations.get(to)
     dead = [str(end) for end in graph.explain(problem, to)]

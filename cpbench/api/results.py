@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.results.store import Store
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 
 if TYPE_CHECKING:
     import pandas as pd

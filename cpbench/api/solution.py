@@ -11,7 +11,7 @@ import numpy as np
 
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.foundation.matrices import Vector
-from cpbench.storage.program_properties import SENSE, offset
+from cpbench.storage.base import SENSE, offset
 from cpbench.verification import MET_TOLERANCE, Status, Verdict, error_text
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.programs import NLP
-from cpbench.foundation import brackets
-from cpbench.foundation.plurals import some_of
+from cpbench.foundation.text import read_brackets, some_of
 from cpbench.graph import EXACT
 from cpbench.solvers import clock, warming
 from cpbench.solvers.automatic import automatic_solvers
@@ -106,7 +105,7 @@ def way_to(
     """
     if name is None or name == AUTO:
         return _automatic(problem, via, kinds)
-    base, given = brackets.read("solver", name)
+    base, given = read_brackets("solver", name)
     solver = solvers.get(base)
     state = solver.availability()
     if not state.ok:

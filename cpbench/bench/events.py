@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
-from cpbench.foundation.plurals import counted, some_of
+from cpbench.foundation.text import counted, some_of
 
 HOSTS = 8
 """The most hosts that are named."""

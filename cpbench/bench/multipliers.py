@@ -33,8 +33,8 @@ from cpbench.formulations.primal import Primal
 from cpbench.formulations.programs import NLP, QP
 from cpbench.formulations.variational import VI
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Dense, Matrix, Vector
-from cpbench.foundation.product_cones import Cone
 from cpbench.verification import Verdict, judge
 
 COMPLETED = "multipliers completed"

@@ -22,7 +22,7 @@ from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.verification import Status
 
 MISSING, LICENCE = "missing", "licence"

@@ -31,7 +31,7 @@ from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool,
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.foundation import frames
-from cpbench.foundation.temporary import RUN, TemporaryHome
+from cpbench.foundation.locks import RUN, TemporaryHome
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import folder
 from cpbench.solvers.stopping import second_tolerance

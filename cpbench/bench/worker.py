@@ -31,7 +31,7 @@ from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Problem
-from cpbench.formulations.expressions import interpreter
+from cpbench.formulations.expressions.evaluation import load_interpreter
 from cpbench.foundation import kernel_cache
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
@@ -57,7 +57,7 @@ def main(connection: Channel, solver_name: str, memory: int, scratch: str = "") 
     with kernel_cache.compiling_reported(lambda: connection.send_bytes(messages.pack(messages.CompilingKernels()))):
         solver.warmup()
         if formulations.get(solver.spec.node).has_maps():
-            interpreter.load()
+            load_interpreter()
     version = solver.version()
     gc.enable()
     limit_address_space(memory)  # after the warm-up: its memory is not charged to solves

@@ -17,7 +17,7 @@ from cpbench import __version__
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.foundation import extensions
 from cpbench.foundation.imports import uncollected
-from cpbench.foundation.plain_text import on_one_line
+from cpbench.foundation.text import on_one_line
 
 
 def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:

@@ -20,15 +20,14 @@ from cpbench.api.solution import objective_of
 from cpbench.bench.results.rows import MEASURED, Outcome
 from cpbench.cli.terminal import columns_of
 from cpbench.errors import CpbenchError, PointError
-from cpbench.formulations.applications.own_unknowns import own_unknowns, own_vector
+from cpbench.formulations.applications import own_unknowns, own_vector
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation.matrices import Vector
-from cpbench.foundation.plain_text import on_one_line, printable
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted, on_one_line, printable
 from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.answers import save_vector
-from cpbench.storage.program_properties import unknowns
+from cpbench.storage.base import unknowns
 from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, Status, error_text
 
 MOST = 20

@@ -17,7 +17,7 @@ from cpbench.cli.options import Command, ListOption, force_option, seed_option, 
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import COUNT, DURATION, FILE, FOLDER
 from cpbench.foundation.extensions import hook
-from cpbench.foundation.plurals import counted, some_of
+from cpbench.foundation.text import counted, some_of
 from cpbench.generators.base import SMALL, TIERS
 from cpbench.generators.collection import (
     NAME,
@@ -163,7 +163,7 @@ def status() -> None:
 def add(name: str, source: Path, force: bool) -> None:
     """Copy the files of a collection into the data directory of the user.
 
-    Each file is checked against its SHA-256. Where one has another content, or is a Git-LFS pointer, nothing is added.
+    Each file is checked against its SHA-256. Where one has another content, nothing is added.
     Files whose hashes are not known (collection list calls them files of the user) are copied as they are.
     """
     known = manifests.manifest(name)
@@ -189,9 +189,8 @@ def verify(names: tuple[str, ...]) -> None:
     for known in map(manifests.manifest, names or manifests.names()):
         checked = added.check(known)
         if checked is not None:
-            changed = [*checked.changed, *checked.pointers]
-            wrong |= bool(changed or checked.missing)
-            as_listed = sum(file in known.files and file not in changed for file in checked.files)
+            wrong |= bool(checked.changed or checked.missing)
+            as_listed = sum(file in known.files and file not in checked.changed for file in checked.files)
             print_lines([f"{known.name}: {_extent(checked)}, {as_listed} as the manifest has them", *_lacking(checked)])
         elif names:
             wrong = True
@@ -289,12 +288,8 @@ def _extent(found: added.Found) -> str:
 
 
 def _lacking(found: added.Found) -> Iterator[str]:
-    """Yield a line each on files that are missing, have another content, or are Git-LFS pointers."""
-    for files, what in (
-        (found.missing, "missing"),
-        (found.changed, "with another content (SHA-256)"),
-        (found.pointers, "Git-LFS pointers in place of the files"),
-    ):
+    """Yield a line each on files that are missing or have another content."""
+    for files, what in ((found.missing, "missing"), (found.changed, "with another content (SHA-256)")):
         if files:
             yield f"  {len(files)} {what}: {some_of(files, SHOWN)}"
 

@@ -12,7 +12,7 @@ from cpbench.cli.options import Command, fail_on_option, outputs_option, seed_op
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import LABELS, PATH
 from cpbench.errors import UnknownName
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.text import printable
 from cpbench.verification import CONTRADICTION, PROVEN, VERIFIED, Status
 
 WHOLE = ("regression", "inconclusive")

@@ -13,7 +13,7 @@ from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN
 from cpbench.bench.time_limits import GRACE
 from cpbench.cli.terminal import table
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.solvers.base import Trait, solvers
 
 ROWS = 60

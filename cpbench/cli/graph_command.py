@@ -17,7 +17,7 @@ from cpbench.cli.types import ADDRESS, POSITIVE
 from cpbench.conversions import Conversion
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.generators.collection import address_text
 from cpbench.graph import best_kind, edges, promise
 from cpbench.solvers.base import solvers

@@ -28,8 +28,7 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.derivatives import derivative
 from cpbench.foundation import extensions, matrices
-from cpbench.foundation.plain_text import printable
-from cpbench.foundation.plurals import counted, some_of, summary
+from cpbench.foundation.text import counted, printable, some_of, summary
 from cpbench.generators.collection import address_text
 from cpbench.graph import Apply
 from cpbench.storage.base import split_address

@@ -17,8 +17,7 @@ from cpbench.cli.terminal import print_lines
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem
-from cpbench.foundation.plain_text import on_one_line
-from cpbench.foundation.plurals import counted, summary
+from cpbench.foundation.text import counted, on_one_line, summary
 from cpbench.graph import Apply
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from cpbench.cli.options import Command, ListOption, force_option, format_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import COUNT, FILE, PATH
 from cpbench.errors import CpbenchError
-from cpbench.foundation.plurals import counted, summary
+from cpbench.foundation.text import counted, summary
 from cpbench.generators.collection import builtin_folder
 from cpbench.storage.base import require_new, write_atomic
 

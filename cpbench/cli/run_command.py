@@ -21,7 +21,7 @@ from cpbench.cli.run_output import announce, finish, print_plan, require_places
 from cpbench.cli.terminal import print_lines
 from cpbench.errors import CpbenchError
 from cpbench.foundation.imports import import_ahead
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.generators.collection import builtin_folder
 from cpbench.generators.quick import quick_problems
 

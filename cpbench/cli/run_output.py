@@ -16,9 +16,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.run import OpenRun, require_answers
 from cpbench.cli import dry_run
 from cpbench.cli.terminal import fitted, print_lines
-from cpbench.foundation import kernel_cache
-from cpbench.foundation.plain_text import on_one_line, printable
-from cpbench.foundation.plurals import counted, some_of, summary
+from cpbench.foundation.text import counted, on_one_line, printable, some_of, summary
 from cpbench.storage.base import require_folder
 from cpbench.verification import CONTRADICTION, Status
 
@@ -35,7 +33,7 @@ def announce(assembly: Assembly) -> None:
     """Print what a reader of the results should know before they are there; raises CpbenchError where there is nothing
     to run."""
     allowed = address_space_allowed()
-    lines = [kernel_cache.remark()]
+    lines: list[str] = []
     if any(allowed < (pair.limits.memory or 0) + address_space() for pair in assembly.pairs):
         lines.append(
             f"the system allows a process {allowed / 2**30:.3g} GiB of address space (ulimit -v), less than the memory "
@@ -44,7 +42,7 @@ def announce(assembly: Assembly) -> None:
     lines += [f"same problem, run once: {address} is {twin}" for address, twin in assembly.twins]
     if assembly.pairs and assembly.idle:
         lines.append(f"no route leads to {', '.join(assembly.idle)}: no row")
-    print_lines(filter(None, lines), err=True)
+    print_lines(lines, err=True)
     assembly.require_pairs()
 
 

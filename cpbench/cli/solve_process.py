@@ -28,8 +28,9 @@ from cpbench.cli.answered import Answered
 from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
-from cpbench.foundation import brackets, kernel_cache
+from cpbench.foundation import kernel_cache
 from cpbench.foundation.extensions import hook
+from cpbench.foundation.text import read_brackets
 from cpbench.generators.collection import address_text, builtin_folder
 from cpbench.solvers import clock, warming
 from cpbench.solvers.base import Trait, solvers
@@ -65,7 +66,7 @@ class SolveRequest:
 
 def own(solver: str) -> bool:
     """Return whether a solver is one of cpbench's own, to which a process is left; raises UnknownName."""
-    name = brackets.read("solver", solver)[0]
+    name = read_brackets("solver", solver)[0]
     return name == AUTO or solvers.get(name).origin == "native"
 
 

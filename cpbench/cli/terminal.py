@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.foundation.plain_text import on_one_line
+from cpbench.foundation.text import on_one_line
 
 NARROWEST, WIDEST = 40, 110
 

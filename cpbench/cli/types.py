@@ -10,7 +10,7 @@ import click
 
 from cpbench.bench.planning import quantities
 from cpbench.errors import CpbenchError
-from cpbench.foundation import brackets
+from cpbench.foundation.text import split_brackets
 
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -56,7 +56,7 @@ def _setting(text: str) -> tuple[str, float]:
 
 
 def _two_labels(text: str) -> tuple[str, str]:
-    first, second = brackets.split(text, ",")
+    first, second = split_brackets(text, ",")
     if not (first and second):
         raise ValueError
     return first, second
@@ -84,6 +84,6 @@ FACET_LIST = Parsed(
 )
 SETTINGS = Parsed("settings", lambda text: tuple(map(_setting, text.split(","))), "is not NAME=VALUE, as in nu=0.5")
 """`nu=0.5` or `nu=0.5,dt=1e-3`: names and numbers."""
-NAMES = Parsed("names", lambda text: tuple(brackets.split(text, ",")))
+NAMES = Parsed("names", lambda text: tuple(split_brackets(text, ",")))
 """`wrong` or `wrong,crash`; commas in brackets separate nothing: `nsgs[omega=1,shuffle=true],lemke`."""
 LABELS = Parsed("labels", _two_labels, "is not two labels of equal code, as mine@base,mine@again")

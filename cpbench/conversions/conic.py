@@ -11,7 +11,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.conic import CP, SOCLCP, ConeQP, ConeQPPoint, SOCLCPPoint, cone_fields
 from cpbench.formulations.variational import VI
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 
 
 @edge("cp-soclcp", equation="(17)", kind=Kind.EQUIVALENT, cost=1.0)

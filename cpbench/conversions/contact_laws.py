@@ -23,8 +23,8 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder, either, less, product, recorded, where
 from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Matrix, Vector, max_abs, power_of_two
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 STEPS = 200
 """Projections before a problem is handed to methods that need a start."""

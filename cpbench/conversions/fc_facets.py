@@ -17,7 +17,7 @@ from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 
 
 @edge("fc-lcp-2d", equation="(47)-(48)", kind=Kind.EQUIVALENT, cost=2.0)

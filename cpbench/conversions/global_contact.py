@@ -24,9 +24,9 @@ from cpbench.formulations.global_contact import (
 from cpbench.formulations.linear import MLCP, MLCPPoint
 from cpbench.formulations.local_contact import FCMPoint, FrictionContact, MixedFrictionContact, RollingFrictionContact
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.foundation.plurals import counted
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.text import counted
 
 NO_LOCAL = "no contact problem in r alone exists: take constrained or massless unknowns out of the model first"
 

@@ -29,8 +29,8 @@ from cpbench.formulations.local_contact import (
 from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.formulations.variational import QVI
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Vector, max_abs, with_diagonal
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @edge("fc-coneqp")

@@ -13,8 +13,8 @@ from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.expressions.map import LARGEST
 from cpbench.formulations.variational import SimpleSetProblem
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 def affine(M: Matrix, q: Vector) -> Map:

@@ -23,7 +23,7 @@ from cpbench.formulations.nonlinear import MiCPPoint
 from cpbench.formulations.programs import NLP, QP, Convexity, NLPPoint, QPPoint
 from cpbench.formulations.variational import GEPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 
 
 @edge("qp-avi", equation="(1) → (22)", kind=Kind.NECESSARY, cost=1.0)

@@ -23,8 +23,8 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.programs import NLP, Convexity
 from cpbench.formulations.sizes import least_squares
 from cpbench.formulations.variational import VI
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Matrix, Vector, least_eigenvalue, max_abs
-from cpbench.foundation.product_cones import Cone
 
 ROUNDING = 1e-10
 """Distance from an affine row or a bound, beside what the terms of the rows and the point make of it, that is none."""

@@ -16,8 +16,8 @@ from cpbench.formulations.linear import AVI, AVIPoint
 from cpbench.formulations.nonlinear import Equation, MiCP, MiCPPoint
 from cpbench.formulations.variational import GE, QVI, VI, GEPoint, QVIPoint, VIPoint
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Vector
-from cpbench.foundation.product_cones import Cone
 
 
 @edge("vi-avi", equation="(22)", kind=Kind.EQUIVALENT, cost=1.0)

@@ -408,8 +408,14 @@ class Problem(ABC):
         """Length of every part of an answer, in order."""
         return {f.name: self._sizes.get(f.metadata["size"], 0) for f in fields(self.point_type)}
 
-    @abstractmethod
     def residuals(self, point: Any, tolerance: float = 1e-6) -> Residuals:
+        """Return `measure` of an answer; raises PointError unless it has this problem's unknowns."""
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            return self.measure(point, tolerance)
+
+    @abstractmethod
+    def measure(self, point: Any, tolerance: float) -> Residuals:
         """Measure `point` on this problem; `tolerance` only tells noise from motion in the readable parts."""
 
     def slacks(self, point: Any) -> dict[str, Vector]:

@@ -159,11 +159,9 @@ class LocalContact(DelassusContact):
     def slacks(self, point: FCPoint) -> dict[str, Vector]:
         return {"u": self.W @ point.r + self.q}
 
-    def residuals(self, point: FCPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            u = self.W @ point.r + self.q
-            return Residuals(*self.contact_residuals(point.r, u, self.q, tolerance, absolute=not self.q.any()))
+    def measure(self, point: FCPoint, tolerance: float) -> Residuals:
+        u = self.W @ point.r + self.q
+        return Residuals(*self.contact_residuals(point.r, u, self.q, tolerance, absolute=not self.q.any()))
 
 
 def diagonal_blocks(W: Matrix, d: int) -> Dense:

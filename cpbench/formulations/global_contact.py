@@ -168,26 +168,24 @@ class GlobalContact(_HasDynamics, ContactProblem):
     def slacks(self, point: GFCPoint) -> dict[str, Vector]:
         return {"u": self.H.T @ point.v + self.w}
 
-    def residuals(self, point: GFCPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            Mv, Hr, Gl = self.M @ point.v, self.H @ point.r, self.G @ point.lam
-            dynamics, constraint = norm(Mv - Hr - Gl - self.f), norm(self.G.T @ point.v + self.b)
-            absolute = not (self.f.any() or self.w.any() or self.b.any())
-            measured, parts, flags = self.contact_residuals(
-                point.r, self.H.T @ point.v + self.w, self.free_velocity, tolerance, absolute=absolute
-            )
-            impulse, velocity = (0.0, 0.0) if absolute else self.units
-            impulse, velocity = max(impulse, norm(self.f)), max(velocity, norm(self.b))
-            measured["dynamics"] = dynamics if impulse == 0 else scaled(dynamics, *map(norm, (Mv, Hr, Gl)), impulse)
-            measured["imbalance"] = squared(scaled(dynamics, impulse))
-            parts["dynamics_absolute [N s]"] = dynamics
-            if self.b.size:
-                Gv = norm(abs(self.G).T @ np.abs(point.v))
-                measured["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
-                measured["drift"] = squared(scaled(constraint, velocity))
-                parts["constraint_absolute [m/s]"] = constraint
-            return Residuals(measured, parts, flags)
+    def measure(self, point: GFCPoint, tolerance: float) -> Residuals:
+        Mv, Hr, Gl = self.M @ point.v, self.H @ point.r, self.G @ point.lam
+        dynamics, constraint = norm(Mv - Hr - Gl - self.f), norm(self.G.T @ point.v + self.b)
+        absolute = not (self.f.any() or self.w.any() or self.b.any())
+        measured, parts, flags = self.contact_residuals(
+            point.r, self.H.T @ point.v + self.w, self.free_velocity, tolerance, absolute=absolute
+        )
+        impulse, velocity = (0.0, 0.0) if absolute else self.units
+        impulse, velocity = max(impulse, norm(self.f)), max(velocity, norm(self.b))
+        measured["dynamics"] = dynamics if impulse == 0 else scaled(dynamics, *map(norm, (Mv, Hr, Gl)), impulse)
+        measured["imbalance"] = squared(scaled(dynamics, impulse))
+        parts["dynamics_absolute [N s]"] = dynamics
+        if self.b.size:
+            Gv = norm(abs(self.G).T @ np.abs(point.v))
+            measured["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
+            measured["drift"] = squared(scaled(constraint, velocity))
+            parts["constraint_absolute [m/s]"] = constraint
+        return Residuals(measured, parts, flags)
 
 
 @formulations.register("gfc")
@@ -334,19 +332,17 @@ class NonlinearFrictionContact(ContactProblem):
     def slacks(self, point: NFCPoint) -> dict[str, Vector]:
         return {"u": self.H.T @ point.v + self.w}
 
-    def residuals(self, point: NFCPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            Hr = self.H @ point.r
-            dynamics = norm(self.F(point.v) - Hr) if point.finite else np.inf
-            impulse, _ = self.reference.units
-            impulse = max(impulse, norm(self.reference.f))
-            free = self.reference.free_velocity
-            absolute = not (impulse or free.any())
-            measured, parts, flags = self.contact_residuals(
-                point.r, self.H.T @ point.v + self.w, free, tolerance, absolute=absolute
-            )
-            measured["dynamics"] = scaled(dynamics, norm(Hr), impulse) if impulse else dynamics
-            measured["imbalance"] = squared(scaled(dynamics, impulse))
-            parts["dynamics_absolute [N s]"] = dynamics
-            return Residuals(measured, parts, flags)
+    def measure(self, point: NFCPoint, tolerance: float) -> Residuals:
+        Hr = self.H @ point.r
+        dynamics = norm(self.F(point.v) - Hr) if point.finite else np.inf
+        impulse, _ = self.reference.units
+        impulse = max(impulse, norm(self.reference.f))
+        free = self.reference.free_velocity
+        absolute = not (impulse or free.any())
+        measured, parts, flags = self.contact_residuals(
+            point.r, self.H.T @ point.v + self.w, free, tolerance, absolute=absolute
+        )
+        measured["dynamics"] = scaled(dynamics, norm(Hr), impulse) if impulse else dynamics
+        measured["imbalance"] = squared(scaled(dynamics, impulse))
+        parts["dynamics_absolute [N s]"] = dynamics
+        return Residuals(measured, parts, flags)

@@ -94,27 +94,25 @@ class LCP(AffineProblem):
     def slacks(self, point: LCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q}
 
-    def residuals(self, point: LCPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, Mz = point.z, self.M @ point.z
-            w = Mz + self.q
-            natural, size, largest = norm(np.minimum(z, w)), norm(self.q), max_abs(self.q)
-            return Residuals(
-                measured={
-                    "natural": scaled(natural, size),
-                    "unit_free": natural
-                    if not largest
-                    else unit_free_complementarity(z, w, max(max_abs(z), self.z_unit), max(largest, max_abs(Mz))),
-                },
-                parts={
-                    "natural_absolute": natural,
-                    "min_z": float(z.min(initial=0.0)),
-                    "min_w": float(w.min(initial=0.0)),
-                    "complementarity": float(abs(z @ w)),
-                },
-                flags=() if size > 0 else ("absolute",),
-            )
+    def measure(self, point: LCPPoint, tolerance: float) -> Residuals:
+        z, Mz = point.z, self.M @ point.z
+        w = Mz + self.q
+        natural, size, largest = norm(np.minimum(z, w)), norm(self.q), max_abs(self.q)
+        return Residuals(
+            measured={
+                "natural": scaled(natural, size),
+                "unit_free": natural
+                if not largest
+                else unit_free_complementarity(z, w, max(max_abs(z), self.z_unit), max(largest, max_abs(Mz))),
+            },
+            parts={
+                "natural_absolute": natural,
+                "min_z": float(z.min(initial=0.0)),
+                "min_w": float(w.min(initial=0.0)),
+                "complementarity": float(abs(z @ w)),
+            },
+            flags=() if size > 0 else ("absolute",),
+        )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
         """Return whether y is a proof of Farkas: y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 exclude every z ≥ 0 with Mz + q ≥ 0 (to
@@ -191,38 +189,36 @@ class MLCP(Problem):
     def slacks(self, point: MLCPPoint) -> dict[str, Vector]:
         return {"w": self.D @ point.u + self.B @ point.v + self.b}
 
-    def residuals(self, point: MLCPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            v = point.v
-            Au, Cv = self.A @ point.u, self.C @ v
-            Du, Bv = self.D @ point.u, self.B @ v
-            equality = Au + Cv + self.a
-            w = Du + Bv + self.b
-            natural = norm(np.concatenate([equality, np.minimum(v, w)]))
-            data = norm(np.concatenate([self.a, self.b]))
-            return Residuals(
-                measured={
-                    "natural": scaled(natural, data),
-                    "unit_free": natural
-                    if data == 0.0
-                    else unit_free_complementarity(
-                        v, w, max(max_abs(v), self.v_unit), max(max_abs(self.b), max_abs(Du), max_abs(Bv))
-                    ),
-                    "equality": norm(equality)
-                    if data == 0.0
-                    else scaled(norm(equality), norm(self.a) or self.equality_scale, norm(Au), norm(Cv)),
-                },
-                parts={
-                    "natural_absolute": natural,
-                    "equality_absolute": norm(equality),
-                    "min_v": float(v.min(initial=0.0)),
-                    "min_w": float(w.min(initial=0.0)),
-                    "complementarity": float(abs(v @ w)),
-                    "siconos_mlcp": _siconos_error(equality, v, w, self.a),
-                },
-                flags=() if data > 0 else ("absolute",),
-            )
+    def measure(self, point: MLCPPoint, tolerance: float) -> Residuals:
+        v = point.v
+        Au, Cv = self.A @ point.u, self.C @ v
+        Du, Bv = self.D @ point.u, self.B @ v
+        equality = Au + Cv + self.a
+        w = Du + Bv + self.b
+        natural = norm(np.concatenate([equality, np.minimum(v, w)]))
+        data = norm(np.concatenate([self.a, self.b]))
+        return Residuals(
+            measured={
+                "natural": scaled(natural, data),
+                "unit_free": natural
+                if data == 0.0
+                else unit_free_complementarity(
+                    v, w, max(max_abs(v), self.v_unit), max(max_abs(self.b), max_abs(Du), max_abs(Bv))
+                ),
+                "equality": norm(equality)
+                if data == 0.0
+                else scaled(norm(equality), norm(self.a) or self.equality_scale, norm(Au), norm(Cv)),
+            },
+            parts={
+                "natural_absolute": natural,
+                "equality_absolute": norm(equality),
+                "min_v": float(v.min(initial=0.0)),
+                "min_w": float(w.min(initial=0.0)),
+                "complementarity": float(abs(v @ w)),
+                "siconos_mlcp": _siconos_error(equality, v, w, self.a),
+            },
+            flags=() if data > 0 else ("absolute",),
+        )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
         """Return whether (y, z) is a proof of Farkas: z ≥ 0, Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 exclude every
@@ -293,24 +289,22 @@ class Relay(AffineProblem):
     def slacks(self, point: LCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q}
 
-    def residuals(self, point: LCPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, Mz = point.z, self.M @ point.z
-            w = Mz + self.q
-            natural = norm(box_defect(z, w, self.lb, self.ub))
-            z_scale = own_scale(max(top(z, self.moving), self.z_unit), self.lb, self.moving)
-            w_scale = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit)
-            return Residuals(
-                measured={
-                    "natural": natural / (1.0 + norm(self.q)),
-                    "unit_free": box_residuals(z, w, self.lb, self.ub, z_scale, w_scale),
-                },
-                parts={
-                    "natural_absolute": natural,
-                    "infeasibility": norm(z - project_box(z, self.lb, self.ub)),
-                },
-            )
+    def measure(self, point: LCPPoint, tolerance: float) -> Residuals:
+        z, Mz = point.z, self.M @ point.z
+        w = Mz + self.q
+        natural = norm(box_defect(z, w, self.lb, self.ub))
+        z_scale = own_scale(max(top(z, self.moving), self.z_unit), self.lb, self.moving)
+        w_scale = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit)
+        return Residuals(
+            measured={
+                "natural": natural / (1.0 + norm(self.q)),
+                "unit_free": box_residuals(z, w, self.lb, self.ub, z_scale, w_scale),
+            },
+            parts={
+                "natural_absolute": natural,
+                "infeasibility": norm(z - project_box(z, self.lb, self.ub)),
+            },
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,31 +384,29 @@ class AVI(AffineProblem):
     def slacks(self, point: AVIPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q - self.A.T @ point.lam - self.C.T @ point.mu}
 
-    def residuals(self, point: AVIPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, lam = point.z, point.lam
-            Mz = self.M @ z
-            F = Mz + self.q - self.A.T @ lam - self.C.T @ point.mu
-            rows, equality = self.A @ z - self.b, self.C @ z - self.d
-            box = box_defect(z, F, self.lb, self.ub)
-            natural = norm(np.concatenate([box, np.minimum(lam, rows), equality]))
-            if not point.finite:  # which the bounds would clip
-                natural = np.inf
-            data = norm(np.concatenate([self.q, self.b, self.d, self.lb[~self.moving]]))
-            measured = {"natural": scaled(natural, data)}
-            if self.z_unit > 0:
-                measured |= self._without_units(z, F, Mz, lam, rows, equality)
-            return Residuals(
-                measured=measured,
-                parts={
-                    "natural_absolute": natural,
-                    "infeasibility": norm(
-                        np.concatenate([z - project_box(z, self.lb, self.ub), np.minimum(rows, 0.0), equality])
-                    ),
-                },
-                flags=() if data > 0 else ("absolute",),
-            )
+    def measure(self, point: AVIPoint, tolerance: float) -> Residuals:
+        z, lam = point.z, point.lam
+        Mz = self.M @ z
+        F = Mz + self.q - self.A.T @ lam - self.C.T @ point.mu
+        rows, equality = self.A @ z - self.b, self.C @ z - self.d
+        box = box_defect(z, F, self.lb, self.ub)
+        natural = norm(np.concatenate([box, np.minimum(lam, rows), equality]))
+        if not point.finite:  # which the bounds would clip
+            natural = np.inf
+        data = norm(np.concatenate([self.q, self.b, self.d, self.lb[~self.moving]]))
+        measured = {"natural": scaled(natural, data)}
+        if self.z_unit > 0:
+            measured |= self._without_units(z, F, Mz, lam, rows, equality)
+        return Residuals(
+            measured=measured,
+            parts={
+                "natural_absolute": natural,
+                "infeasibility": norm(
+                    np.concatenate([z - project_box(z, self.lb, self.ub), np.minimum(rows, 0.0), equality])
+                ),
+            },
+            flags=() if data > 0 else ("absolute",),
+        )
 
     def _without_units(
         self, z: Vector, F: Vector, Mz: Vector, lam: Vector, rows: Vector, equality: Vector

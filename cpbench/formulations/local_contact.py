@@ -133,13 +133,9 @@ class AnisotropicFrictionContact(LocalContact):
         """Diagonal of SWS, shape (nc, 3)."""
         return freeze(np.einsum("cii->ci", self.diagonal_blocks) * self.scaling.reshape(-1, 3) ** 2)
 
-    def residuals(self, point: FCPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            S, u = self.scaling, self.W @ point.r + self.q
-            return Residuals(
-                *self.contact_residuals(point.r / S, S * u, S * self.q, tolerance, absolute=not self.q.any())
-            )
+    def measure(self, point: FCPoint, tolerance: float) -> Residuals:
+        S, u = self.scaling, self.W @ point.r + self.q
+        return Residuals(*self.contact_residuals(point.r / S, S * u, S * self.q, tolerance, absolute=not self.q.any()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,18 +206,14 @@ class MixedFrictionContact(DelassusContact):
     def slacks(self, point: FCMPoint) -> dict[str, Vector]:
         return {"u": self.W @ point.r + self.V @ point.lam + self.q}
 
-    def residuals(self, point: FCMPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            Vr, Rl = self.V.T @ point.r, self.R @ point.lam
-            u = self.W @ point.r + self.V @ point.lam + self.q
-            constraint = norm(Vr + Rl + self.s)
-            absolute = not (self.q.any() or self.s.any())
-            measured, parts, flags = self.contact_residuals(
-                point.r, u, self.free_velocity, tolerance, absolute=absolute
-            )
-            unit = 0.0 if absolute else self.drift_unit
-            measured["constraint"] = constraint if unit == 0 else scaled(constraint, norm(Vr), norm(Rl), unit)
-            measured["drift"] = squared(scaled(constraint, unit))
-            parts["constraint_absolute [m/s]"] = constraint
-            return Residuals(measured, parts, flags)
+    def measure(self, point: FCMPoint, tolerance: float) -> Residuals:
+        Vr, Rl = self.V.T @ point.r, self.R @ point.lam
+        u = self.W @ point.r + self.V @ point.lam + self.q
+        constraint = norm(Vr + Rl + self.s)
+        absolute = not (self.q.any() or self.s.any())
+        measured, parts, flags = self.contact_residuals(point.r, u, self.free_velocity, tolerance, absolute=absolute)
+        unit = 0.0 if absolute else self.drift_unit
+        measured["constraint"] = constraint if unit == 0 else scaled(constraint, norm(Vr), norm(Rl), unit)
+        measured["drift"] = squared(scaled(constraint, unit))
+        parts["constraint_absolute [m/s]"] = constraint
+        return Residuals(measured, parts, flags)

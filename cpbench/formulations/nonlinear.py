@@ -46,13 +46,6 @@ class NonlinearProblem(_HasMap, Problem):
         are named in `parameters`, with their values. Raises ProblemError."""
         return cls(F=Map.from_casadi(z, F, parameters), **others)
 
-    @classmethod
-    def from_sympy(
-        cls, z: Sequence[Any], F: Sequence[Any], parameters: Mapping[str, float] | None = None, **others: Any
-    ) -> Self:
-        """Read SymPy expressions in the symbols z, and in those named in `parameters`. Raises ProblemError."""
-        return cls(F=Map.from_sympy(z, F, parameters), **others)
-
     def project(self, z: Vector) -> Vector:
         """Return P(z), on the part of the set that has a projection in closed form."""
         return z
@@ -99,10 +92,8 @@ class Equation(NonlinearProblem):
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)
 
-    def residuals(self, point: EquationPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            return self.natural(self.F(point.z), point.finite)
+    def measure(self, point: EquationPoint, tolerance: float) -> Residuals:
+        return self.natural(self.F(point.z), point.finite)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,20 +125,18 @@ class NCP(NonlinearProblem):
     def slacks(self, point: NCPPoint) -> dict[str, Vector]:
         return {"w": self.F(point.z)}
 
-    def residuals(self, point: NCPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, w = point.z, self.F(point.z)
-            # where both of a pair are 0 an answer is that only to about the square root of its error
-            both = np.maximum(np.abs(z) / (max_abs(z) or 1.0), np.abs(w) / (self.scale or 1.0)) <= np.sqrt(tolerance)
-            return self.natural(
-                np.minimum(z, w),
-                point.finite,
-                min_z=float(z.min(initial=0.0)),
-                min_w=float(w.min(initial=0.0)),
-                complementarity=float(abs(z @ w)),
-                degenerate_pairs=float(both.sum()),
-            )
+    def measure(self, point: NCPPoint, tolerance: float) -> Residuals:
+        z, w = point.z, self.F(point.z)
+        # where both of a pair are 0 an answer is that only to about the square root of its error
+        both = np.maximum(np.abs(z) / (max_abs(z) or 1.0), np.abs(w) / (self.scale or 1.0)) <= np.sqrt(tolerance)
+        return self.natural(
+            np.minimum(z, w),
+            point.finite,
+            min_z=float(z.min(initial=0.0)),
+            min_w=float(w.min(initial=0.0)),
+            complementarity=float(abs(z @ w)),
+            degenerate_pairs=float(both.sum()),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,9 +189,7 @@ class MiCP(NonlinearProblem):
     def slacks(self, point: MiCPPoint) -> dict[str, Vector]:
         return {"w": self.F(point.z)}
 
-    def residuals(self, point: MiCPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z = point.z
-            defect = box_defect(z, self.F(z), self.lb, self.ub)
-            return self.natural(defect, point.finite, bound_violation=norm(z - self.project(z)))
+    def measure(self, point: MiCPPoint, tolerance: float) -> Residuals:
+        z = point.z
+        defect = box_defect(z, self.F(z), self.lb, self.ub)
+        return self.natural(defect, point.finite, bound_violation=norm(z - self.project(z)))

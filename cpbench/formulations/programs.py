@@ -127,58 +127,56 @@ class QP(Problem):
     def objective(self, z: Vector) -> float:
         return float(0.5 * z @ (self.Q @ z) + self.p @ z)
 
-    def residuals(self, point: QPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
-            Qz, Az, Cz = self.Q @ z, self.A @ z, self.C @ z
-            At, Ct = self.A.T @ lam, self.C.T @ mu
-            below, above = np.isfinite(self.lb), np.isfinite(self.ub)
-            violation = np.concatenate(
-                [
-                    np.maximum(self.b - Az, 0.0),
-                    Cz - self.d,
-                    np.maximum(self.lb - z, 0.0)[below],
-                    np.maximum(z - self.ub, 0.0)[above],
-                ]
-            )
-            wrong_sign = np.concatenate(
-                [
-                    np.maximum(-lam, 0.0),
-                    np.maximum(nu, 0.0)[~below],
-                    np.maximum(-nu, 0.0)[~above],
-                ]
-            )
-            z_bounds = np.concatenate([self.lb[below], self.ub[above]])
-            constraints = float(
-                self.b @ lam
-                + self.d @ mu
-                + self.lb[below] @ np.maximum(nu, 0.0)[below]
-                - self.ub[above] @ np.maximum(-nu, 0.0)[above]
-            )
-            zQz, pz = float(z @ Qz), float(self.p @ z)
-            absolute = {
-                "stationarity": max_abs(Qz + self.p - At - Ct - nu),
-                "primal": max_abs(violation),
-                "dual": max_abs(wrong_sign),
-                "gap": abs(zQz + pz - constraints),
-            }
-            scale = {
-                "stationarity": max(map(max_abs, (Qz, At, Ct, self.p, nu))),
-                "primal": max(map(max_abs, (Az, self.b, Cz, self.d, z_bounds))),
-                "dual": max(map(max_abs, (lam, mu, nu))),
-                "gap": max(abs(zQz), abs(pz), abs(constraints)),
-            }
-            relative = {k: v / scale[k] if scale[k] > 0 else v for k, v in absolute.items()}
-            parts = {f"{k}_absolute": v for k, v in absolute.items()}
-            parts |= {f"{k}_relative": v for k, v in relative.items()}
-            parts["objective"] = float(0.5 * z @ Qz + self.p @ z)
-            return Residuals(
-                # min(NaN, x) depends on the order of its arguments: NaN must win
-                measured={k: float(np.minimum(absolute[k], relative[k])) for k in absolute},
-                parts=parts,
-                flags=() if self.convex else ("stationary",),
-            )
+    def measure(self, point: QPPoint, tolerance: float) -> Residuals:
+        z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
+        Qz, Az, Cz = self.Q @ z, self.A @ z, self.C @ z
+        At, Ct = self.A.T @ lam, self.C.T @ mu
+        below, above = np.isfinite(self.lb), np.isfinite(self.ub)
+        violation = np.concatenate(
+            [
+                np.maximum(self.b - Az, 0.0),
+                Cz - self.d,
+                np.maximum(self.lb - z, 0.0)[below],
+                np.maximum(z - self.ub, 0.0)[above],
+            ]
+        )
+        wrong_sign = np.concatenate(
+            [
+                np.maximum(-lam, 0.0),
+                np.maximum(nu, 0.0)[~below],
+                np.maximum(-nu, 0.0)[~above],
+            ]
+        )
+        z_bounds = np.concatenate([self.lb[below], self.ub[above]])
+        constraints = float(
+            self.b @ lam
+            + self.d @ mu
+            + self.lb[below] @ np.maximum(nu, 0.0)[below]
+            - self.ub[above] @ np.maximum(-nu, 0.0)[above]
+        )
+        zQz, pz = float(z @ Qz), float(self.p @ z)
+        absolute = {
+            "stationarity": max_abs(Qz + self.p - At - Ct - nu),
+            "primal": max_abs(violation),
+            "dual": max_abs(wrong_sign),
+            "gap": abs(zQz + pz - constraints),
+        }
+        scale = {
+            "stationarity": max(map(max_abs, (Qz, At, Ct, self.p, nu))),
+            "primal": max(map(max_abs, (Az, self.b, Cz, self.d, z_bounds))),
+            "dual": max(map(max_abs, (lam, mu, nu))),
+            "gap": max(abs(zQz), abs(pz), abs(constraints)),
+        }
+        relative = {k: v / scale[k] if scale[k] > 0 else v for k, v in absolute.items()}
+        parts = {f"{k}_absolute": v for k, v in absolute.items()}
+        parts |= {f"{k}_relative": v for k, v in relative.items()}
+        parts["objective"] = float(0.5 * z @ Qz + self.p @ z)
+        return Residuals(
+            # min(NaN, x) depends on the order of its arguments: NaN must win
+            measured={k: float(np.minimum(absolute[k], relative[k])) for k in absolute},
+            parts=parts,
+            flags=() if self.convex else ("stationary",),
+        )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
         """Return whether (λ, μ) is a proof of Farkas: λ ≥ 0 and ν = −Aᵀλ − Cᵀμ excludes every z within the constraints
@@ -286,35 +284,33 @@ class NLP(Problem):
     def objective(self, z: Vector) -> float:
         return float(self.f(z)[0])
 
-    def residuals(self, point: NLPPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
-            gradient = self.f.jacobian(z).toarray().ravel()
-            g, h, Jg, Jh = self.g(z), self.h(z), self.g.jacobian(z), self.h.jacobian(z)
-            below, above = np.isfinite(self.lb), np.isfinite(self.ub)
-            room, roof = (z - self.lb)[below], (self.ub - z)[above]
-            at_lower, at_upper = np.maximum(nu, 0.0), np.maximum(-nu, 0.0)
-            gaps = (lam @ g, at_lower[below] @ room, at_upper[above] @ roof)
-            absolute = {
-                "stationarity": max_abs(gradient - Jg.T @ lam - Jh.T @ mu - nu),
-                "primal": max_abs(np.concatenate([np.maximum(-g, 0), h, np.maximum(-room, 0), np.maximum(-roof, 0)])),
-                "dual": max_abs(np.concatenate([np.maximum(-lam, 0.0), at_lower[~below], at_upper[~above]])),
-                "complementarity": sum(abs(float(gap)) for gap in gaps),
-            }
-            reach = np.abs(z)
-            scale = {
-                "stationarity": max(map(max_abs, (gradient, Jg.T @ lam, Jh.T @ mu, nu))),
-                "primal": max(max_abs(abs(Jg) @ reach), max_abs(abs(Jh) @ reach), max_abs(z)),
-                "dual": max(map(max_abs, (lam, mu, nu))),
-                "complementarity": abs(self.objective(z)),
-            }
-            relative = {k: scaled(v, scale[k]) for k, v in absolute.items()}
-            parts = {f"{k}_absolute": v for k, v in absolute.items()}
-            parts |= {f"{k}_relative": v for k, v in relative.items()}
-            parts["objective"] = self.objective(z)
-            finite = {k: float(np.minimum(absolute[k], relative[k])) if point.finite else np.inf for k in absolute}
-            return Residuals(measured=finite, parts=parts, flags=FLAGS[self.convexity])
+    def measure(self, point: NLPPoint, tolerance: float) -> Residuals:
+        z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
+        gradient = self.f.jacobian(z).toarray().ravel()
+        g, h, Jg, Jh = self.g(z), self.h(z), self.g.jacobian(z), self.h.jacobian(z)
+        below, above = np.isfinite(self.lb), np.isfinite(self.ub)
+        room, roof = (z - self.lb)[below], (self.ub - z)[above]
+        at_lower, at_upper = np.maximum(nu, 0.0), np.maximum(-nu, 0.0)
+        gaps = (lam @ g, at_lower[below] @ room, at_upper[above] @ roof)
+        absolute = {
+            "stationarity": max_abs(gradient - Jg.T @ lam - Jh.T @ mu - nu),
+            "primal": max_abs(np.concatenate([np.maximum(-g, 0), h, np.maximum(-room, 0), np.maximum(-roof, 0)])),
+            "dual": max_abs(np.concatenate([np.maximum(-lam, 0.0), at_lower[~below], at_upper[~above]])),
+            "complementarity": sum(abs(float(gap)) for gap in gaps),
+        }
+        reach = np.abs(z)
+        scale = {
+            "stationarity": max(map(max_abs, (gradient, Jg.T @ lam, Jh.T @ mu, nu))),
+            "primal": max(max_abs(abs(Jg) @ reach), max_abs(abs(Jh) @ reach), max_abs(z)),
+            "dual": max(map(max_abs, (lam, mu, nu))),
+            "complementarity": abs(self.objective(z)),
+        }
+        relative = {k: scaled(v, scale[k]) for k, v in absolute.items()}
+        parts = {f"{k}_absolute": v for k, v in absolute.items()}
+        parts |= {f"{k}_relative": v for k, v in relative.items()}
+        parts["objective"] = self.objective(z)
+        finite = {k: float(np.minimum(absolute[k], relative[k])) if point.finite else np.inf for k in absolute}
+        return Residuals(measured=finite, parts=parts, flags=FLAGS[self.convexity])
 
 
 FLAGS = {

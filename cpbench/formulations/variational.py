@@ -11,14 +11,12 @@ import numpy as np
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, matrix_field, point_field, vector_field
-from cpbench.formulations.conic import ConicProblem
-from cpbench.formulations.defects import cone_defect
+from cpbench.formulations.conic import ConicProblem, cone_defect
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.nonlinear import NonlinearProblem
 from cpbench.formulations.sizes import check_bounds
-from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.cones import Cone, ProductCone, box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Sparse, Vector, norm
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +119,9 @@ class GE(SimpleSetProblem):
     def slacks(self, point: GEPoint) -> dict[str, Vector]:
         return {"w": self.F(point.z)}
 
-    def residuals(self, point: GEPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z = point.z
-            return self.natural(self.defect(z, self.F(z)), point.finite, infeasibility=norm(z - self.project(z)))
+    def measure(self, point: GEPoint, tolerance: float) -> Residuals:
+        z = point.z
+        return self.natural(self.defect(z, self.F(z)), point.finite, infeasibility=norm(z - self.project(z)))
 
 
 @formulations.register("vi")
@@ -173,12 +169,10 @@ class VI(SimpleSetProblem):
         rows = [np.minimum(point.lam, self.A @ point.z - self.b), self.C @ point.z - self.d]
         return [*rows, np.minimum(point.nu, self.g(point.z))] if self.g.rows else rows
 
-    def residuals(self, point: VIPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z = point.z
-            defect = np.concatenate([self.defect(z, self.force(point)), *self.row_defects(point)])
-            return self.natural(defect, point.finite, infeasibility=norm(z - self.project(z)))
+    def measure(self, point: VIPoint, tolerance: float) -> Residuals:
+        z = point.z
+        defect = np.concatenate([self.defect(z, self.force(point)), *self.row_defects(point)])
+        return self.natural(defect, point.finite, infeasibility=norm(z - self.project(z)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,12 +261,10 @@ class QVI(SimpleSetProblem):
         """Return ∂g/∂y at (z, z), shape (p, n)."""
         return self.g.jacobian(np.concatenate([z, z]))[:, : z.size]
 
-    def residuals(self, point: QVIPoint, tolerance: float = 1e-6) -> Residuals:
-        self.check_point(point)
-        with np.errstate(all="ignore"):
-            z, G = point.z, self.F(point.z)
-            if self.g.rows:
-                G = G - self.row_slopes(z).T @ point.nu
-            defect = [self.defect(z, G), np.minimum(point.nu, self.row_values(z))]
-            outside = norm(z - self.project_at(z, z))
-            return self.natural(np.concatenate(defect), point.finite, infeasibility=outside)
+    def measure(self, point: QVIPoint, tolerance: float) -> Residuals:
+        z, G = point.z, self.F(point.z)
+        if self.g.rows:
+            G = G - self.row_slopes(z).T @ point.nu
+        defect = [self.defect(z, G), np.minimum(point.nu, self.row_values(z))]
+        outside = norm(z - self.project_at(z, z))
+        return self.natural(np.concatenate(defect), point.finite, infeasibility=outside)

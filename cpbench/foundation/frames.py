@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 FLOATS = frozenset({"<f8"})
@@ -39,12 +39,8 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, ali
     """
     import numpy as np  # here, for processes begin before it is imported (`bench.processes.launch`)
 
-    raw: list[tuple[str, bytes, str | None]] = [
-        (name, a, None) if isinstance(a, bytes) else (name, np.ascontiguousarray(a, np.float64).tobytes(), "<f8")
-        for name, a in (arrays or {}).items()
-    ]
-    listed = [(name, len(content), kind) for name, content, kind in raw]
-    return b"".join(_frame(_encode({**header, "vectors": listed}), [(c, len(c)) for _, c, _ in raw], aligned))
+    whole = {name: a if isinstance(a, bytes) else np.asarray(a, np.float64) for name, a in (arrays or {}).items()}
+    return b"".join(parts(header, whole, aligned))
 
 
 def parts(header: Mapping[str, Any], arrays: Mapping[str, Any], aligned: int = 1, *, finite: bool = False) -> list[Any]:
@@ -54,25 +50,21 @@ def parts(header: Mapping[str, Any], arrays: Mapping[str, Any], aligned: int = 1
     """
     import numpy as np
 
-    raw: list[tuple[str, Any, int, str | None]] = []
+    listed: list[tuple[str, int, str | None]] = []
+    contents: list[Any] = []
     for name, a in arrays.items():
         if isinstance(a, bytes):
-            raw.append((name, a, len(a), None))
+            listed.append((name, len(a), None))
+            contents.append(a)
         else:
             kind = a.dtype.newbyteorder("<")
-            raw.append((name, np.ascontiguousarray(a, kind).data, a.nbytes, kind.str))
-    listed = [(name, size, kind) for name, _, size, kind in raw]
-    head = (_encode_finite if finite else _encode)({**header, "vectors": listed})
-    return _frame(head, [(content, size) for _, content, size, _ in raw], aligned)
-
-
-def _frame(header: str, contents: Iterable[tuple[Any, int]], aligned: int) -> list[Any]:
-    """Return the parts of a frame, given its header and its arrays with their sizes."""
-    head = header.encode()
+            listed.append((name, a.nbytes, kind.str))
+            contents.append(np.ascontiguousarray(a, kind).data)
+    head = (_encode_finite if finite else _encode)({**header, "vectors": listed}).encode()
     if aligned > 1:
         head += b" " * (-(len(head) + 4) % aligned)
     written: list[Any] = [_LENGTH.pack(len(head)), head]
-    for content, size in contents:
+    for content, (_, size, _) in zip(contents, listed, strict=True):
         written.append(content)
         if padding := -size % aligned:
             written.append(bytes(padding))

@@ -39,6 +39,7 @@ _KEPT = re.compile(r"^@njit\([\s\S]*?(cache=True|\*\*(COMPILED|KEPT|QUICK))", re
 """Decorator of a kernel that is in the cache; others are compiled where they are used."""
 
 
+@cache
 def ensure_cache_dir() -> Path:
     """Return the directory of the compiled kernels; sets ``NUMBA_CACHE_DIR`` unless the default place is writable.
 
@@ -46,36 +47,22 @@ def ensure_cache_dir() -> Path:
     package's nor the user's cache directory can be written, a private temporary one serves this process and its
     children.
     """
-    return _cache_dir()[0]
-
-
-def remark() -> str:
-    """Return in one line where compiled loops go instead of where they were to go, '' where nothing was in the way."""
-    return _cache_dir()[1]
-
-
-@cache
-def _cache_dir() -> tuple[Path, str]:
-    """Return the directory of the compiled kernels, and the remark on it."""
     given = os.environ.get(VARIABLE)
     if given and _writable(Path(given)):
-        return Path(given), ""
-    why = f"{VARIABLE}: {given} cannot be written: " if given else ""
+        return Path(given)
     beside = _PACKAGE / "__pycache__"
     if _writable(beside):
         if given:  # empty, not absent: processes get variables from this one, and keep those that it lacks
             _set_numba_dir("")
-        return beside, f"{why}compiled loops are kept beside their sources in {_PACKAGE}" if given else ""
+        return beside
     import platformdirs
 
     chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"
     if not _writable(chosen):
-        why = why or f"neither {beside} nor {chosen} can be written: "
         # mkdtemp, not a fixed name: a cache is code, and no other user may be able to put it there
         chosen = Path(tempfile.mkdtemp(prefix="cpbench-numba-"))
-        why += f"set {VARIABLE}, or each command compiles anew; "
     _set_numba_dir(str(chosen))
-    return chosen, f"{why}compiled loops are kept in {chosen}" if why else ""
+    return chosen
 
 
 def _set_numba_dir(folder: str) -> None:

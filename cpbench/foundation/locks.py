@@ -1,6 +1,7 @@
-"""Locks of files that the system takes back when their holder ends, however it ends.
+"""Locks of files that the system takes back when their holder ends, however it ends, and temporary folders with such a
+lock: it says whether their process lives, and those that killed processes left are removed.
 
-On network file systems they hold across machines where the server keeps locks.
+On network file systems locks hold across machines where the server keeps them.
 """
 
 from __future__ import annotations
@@ -9,9 +10,14 @@ import contextlib
 import errno
 import json
 import os
+import shutil
 import socket
+import tempfile
 import time
+import uuid
 from pathlib import Path
+
+from cpbench.errors import CpbenchError
 
 _BEYOND = 2**30
 """Where Windows locks one byte: what it locks cannot be read, so it lies behind what the file says."""
@@ -80,3 +86,50 @@ def exclusive(descriptor: int, *, wait: bool = False) -> None:
         os.lseek(descriptor, 0, os.SEEK_SET)
     else:
         fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+RUN, EXCHANGE = "cpbench-run-", "cpbench-handed-"
+"""How the folders of a run begin, and those through which problems and answers go."""
+
+
+class TemporaryHome:
+    """A folder with a lock beside it for as long as the process lives that owns it, in `place`, by default where the
+    system keeps temporary files.
+
+    A lock tells the living from the dead where process numbers do not: across containers, and across machines that
+    share their temporary files. Raises CpbenchError where no folder can be made.
+    """
+
+    def __init__(self, prefix: str, place: Path | None = None) -> None:
+        place = place or Path(tempfile.gettempdir())
+        remove_abandoned(prefix, place)
+        self._lock: Lock | None = None
+        while self._lock is None:
+            self.folder = place / f"{prefix}{uuid.uuid4().hex[:12]}"
+            try:
+                self._lock = Lock(self.folder)  # before there is anything to remove
+                self.folder.mkdir(mode=0o700)
+            except Held:  # by another process that looked whether its owner lives, before we had it
+                continue
+            except OSError as cause:
+                why = cause.strerror or cause
+                raise CpbenchError(f"{place}: no temporary folder can be made there ({why}); set TMPDIR") from None
+
+    def remove(self) -> None:
+        """Remove the folder with all that is in it; harmless when done before."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            lock.release()
+
+
+def remove_abandoned(prefix: str, *places: Path) -> None:
+    """Delete the folders whose processes no longer live (kill -9 leaves them)."""
+    for left in (path for place in places for path in place.glob(f"{prefix}*.lock")):
+        folder = left.with_suffix("")
+        try:
+            lock = Lock(folder)
+        except (Held, OSError):  # its owner lives, or it is another user's
+            continue
+        shutil.rmtree(folder, ignore_errors=True)
+        lock.release()

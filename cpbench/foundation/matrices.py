@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Generator
+from contextlib import contextmanager
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -18,7 +20,6 @@ import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
 from cpbench.errors import ProblemError
-from cpbench.foundation import definite
 
 Vector: TypeAlias = NDArray[np.float64]
 Dense: TypeAlias = NDArray[np.float64]
@@ -391,7 +392,7 @@ def _has_cholesky(S: Matrix, added: Vector) -> bool:
     """Return whether S + diag(added), S symmetric and not used elsewhere, is positive definite."""
     n = S.shape[0]
     if is_sparse(S) and n > FULL_ROWS:
-        return definite.is_definite(definite.factor_on_diagonal(sp.csc_array(S + sp.diags_array(added))))
+        return all_pivots_positive(factor_on_diagonal(sp.csc_array(S + sp.diags_array(added))))
     D = dense(S)
     D[np.diag_indices(n)] += added
     try:
@@ -432,3 +433,39 @@ def rank(M: Matrix) -> int:
 def power_of_two(top: Vector) -> Vector:
     """Return the powers of 2 that bring the positive numbers `top` into [1/2, 1), and 1 for 0."""
     return np.ldexp(1.0, -np.frexp(top)[1])
+
+
+# ---------------------------------------------------------------------------------------------- factors
+
+
+@contextmanager
+def memory_errors() -> Generator[None]:
+    """Raise MemoryError where SuperLU got no memory, which it says by a RuntimeError, as it does at a pivot of 0."""
+    try:
+        yield
+    except RuntimeError as cause:
+        if "malloc" in str(cause).lower():
+            raise MemoryError(str(cause)) from None
+        raise
+
+
+def factor_on_diagonal(A: Any) -> Any | None:
+    """Factor by SuperLU a square sparse matrix in an order of its symmetric structure; None at a pivot that is exactly
+    0.
+
+    Two to four times as fast as with SuperLU's pivoting by columns, with half to three quarters of the fill.
+    """
+    options = {"SymmetricMode": True}
+    try:
+        with memory_errors():
+            return spla.splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    except RuntimeError:
+        return None
+
+
+def all_pivots_positive(lu: Any | None) -> bool:
+    """Return whether a symmetric matrix is positive definite: all pivots of its factors are positive.
+
+    `lu` : from `factor_on_diagonal`. A row exchange, or None, says that some pivot is not positive.
+    """
+    return lu is not None and bool((lu.perm_r == lu.perm_c).all() and (lu.U.diagonal() > 0).all())

@@ -17,8 +17,8 @@ from cpbench.formulations.linear import AVI, LCP, MLCP
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.foundation.product_cones import Cone
 from cpbench.proofs.exact_linear import Exact, dot, rationals
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.verification.sets import INFINITE

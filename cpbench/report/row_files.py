@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.errors import FormatError, UnknownName
-from cpbench.foundation.plain_text import cell
+from cpbench.foundation.text import cell
 from cpbench.storage.base import write_atomic
 from cpbench.verification import Status
 

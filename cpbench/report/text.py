@@ -13,8 +13,8 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from cpbench.foundation.plurals import counted as counted  # part of the words of a report
-from cpbench.foundation.plurals import some_of
+from cpbench.foundation.text import counted as counted  # part of the words of a report
+from cpbench.foundation.text import some_of
 
 _SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _FACETS = re.compile(r"(inner|outer)(\d+)(?:-(\w+))?")

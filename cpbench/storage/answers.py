@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cpbench.errors import FormatError, PointError
-from cpbench.formulations.applications.own_unknowns import from_own_vector
+from cpbench.formulations.applications import from_own_vector
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.formulations.primal import primal_alone, primal_of, primal_part
 from cpbench.foundation.matrices import Vector

@@ -7,6 +7,7 @@ file holds before it allocates, and answers bad input with one :class:`~cpbench.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import secrets
 import stat
@@ -16,11 +17,15 @@ from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.base import Info, Point, Problem
 from cpbench.registry import NodeTable, Registry
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
+OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
+"""Names of the properties: the constant of ½zᵀQz + pᵀz, `max` where that with its constant is the opposite of the
+objective of the file, and the names of the unknowns in the order of the parts of a point, first parts alone where the
+others are multipliers."""
 _HEAD_BYTES = 512
 
 
@@ -195,28 +200,18 @@ def require_folder(path: Path) -> None:
 def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, force: bool) -> None:
     """Put `data`, or what it writes, at `path` in one step: complete or not at all, even if the process is killed.
 
-    The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then gets
-    the target's name. Raises FormatError when the target exists (unless `force`) or cannot be written.
+    The bytes go to a hidden file beside the target, which then gets the target's name. Raises FormatError when the
+    target exists (unless `force`) or cannot be written.
     """
     require_new(path, force)
-    put: Callable[[BinaryIO], object] = data if callable(data) else lambda file: file.write(data)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
     try:
-        with _nameless(path.parent) as fd:
-            if fd is None:
-                with open(temporary, "x+b") as file:
-                    put(file)
+        with open(temporary, "x+b") as file:
+            if callable(data):
+                data(file)
             else:
-                with open(fd, "r+b", closefd=False) as file:
-                    put(file)
-                name = temporary if force else path
-                # with a src_dir_fd (unused: the path is absolute) Python calls linkat, which follows the link
-                os.link(f"/proc/self/fd/{fd}", name, src_dir_fd=fd, follow_symlinks=True)
-                if not force:
-                    return
-            os.replace(temporary, path)
-    except FileExistsError:
-        raise FormatError(path, "", "exists already: --force replaces it") from None
+                file.write(data)
+        os.replace(temporary, path)
     except OSError as cause:
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
     finally:
@@ -224,18 +219,17 @@ def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, forc
             os.unlink(temporary)
 
 
-@contextlib.contextmanager
-def _nameless(folder: Path) -> Any:
-    """Yield the descriptor of a file without a name in `folder`, which vanishes with the process; None without
-    support.
-    """
-    flag = getattr(os, "O_TMPFILE", 0)
+def offset(info: Info) -> float:
+    """Return the constant of the objective; 0 where there is none, or no finite number."""
+    value = info.properties.get(OFFSET, 0.0)
     try:
-        fd = os.open(folder, os.O_RDWR | flag, 0o666) if flag and os.path.isdir("/proc/self/fd") else None
-    except OSError:  # this file system has none
-        fd = None
-    try:
-        yield fd
-    finally:
-        if fd is not None:
-            os.close(fd)
+        constant = float(value) if isinstance(value, int | float) else 0.0
+    except OverflowError:  # whole numbers of a JSON file have no end
+        return 0.0
+    return constant if math.isfinite(constant) else 0.0
+
+
+def unknowns(info: Info) -> list[str]:
+    """Return the names of the unknowns; empty where the file has none."""
+    names = info.properties.get(UNKNOWNS)
+    return [str(name) for name in names] if isinstance(names, list | tuple) else []

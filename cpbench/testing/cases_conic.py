@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations import Problem
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic
 from cpbench.testing.makers import plants
 

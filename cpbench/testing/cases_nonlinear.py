@@ -26,7 +26,7 @@ from cpbench.formulations import (
     VIPoint,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted_nonlinear as plant
 from cpbench.testing.makers import plants
 from cpbench.testing.planted_nonlinear import graph

@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.formulations import AVI, SOCLCP, AVIPoint, ConeQP, ConeQPPoint, LCPPoint, Problem, Relay, SOCLCPPoint
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted_conic
 from cpbench.testing.makers import plants
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from cpbench.formulations.base import Problem, formulations
 from cpbench.foundation.extensions import HOOKS, added, hook
-from cpbench.foundation.plurals import counted, some_of
+from cpbench.foundation.text import counted, some_of
 from cpbench.registry import NodeTable
 
 STATES = PRESENT, DERIVED, MISSING = "present", "derived", "missing"

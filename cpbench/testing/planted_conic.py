@@ -7,7 +7,7 @@ import numpy as np
 from cpbench.formulations import AVI, SOCLCP, AVIPoint, ConeQP, ConeQPPoint, LCPPoint, Relay, SOCLCPPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted
 from cpbench.testing.planted import square, stored
 

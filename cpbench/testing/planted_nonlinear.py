@@ -30,8 +30,8 @@ from cpbench.formulations import (
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import maximum, recorded
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic
 from cpbench.testing.planted import bodies_and_contacts, contact_state, friction, square
 

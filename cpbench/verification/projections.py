@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.product_cones import Cone
 
 
 def project(kind: Cone, y: Dense, mu: Vector, mu_r: Vector) -> Dense:

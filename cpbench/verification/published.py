@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cpbench.formulations.base import Problem
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Vector, max_abs, norm
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.verification import sets
 from cpbench.verification.projections import project, row_norms
 from cpbench.verification.systems import BOUNDS

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.verification.projections import project, row_norms
 
 Components = NDArray[np.int64]

@@ -26,8 +26,7 @@ for _package in PACKAGES:  # empty ones: nothing but the modules below is read
     sys.modules[_package] = _module
 
 from cpbench.formulations.expressions.batches import Batches  # noqa: E402
-from cpbench.foundation.cones import project_box  # noqa: E402
-from cpbench.foundation.product_cones import ProductCone  # noqa: E402
+from cpbench.foundation.cones import ProductCone, project_box  # noqa: E402
 
 F_OF_SELF = ctypes.CFUNCTYPE(None, POINTER, INT, POINTER, POINTER)
 """(env, n, z, F) of NCP, MCP and VI, and (env, n, z, NumericsMatrix*) of their Jacobians."""

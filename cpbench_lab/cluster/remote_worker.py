@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import psutil
 
-from cpbench.foundation.temporary import RUN, TemporaryHome
+from cpbench.foundation.locks import RUN, TemporaryHome
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
 if TYPE_CHECKING:  # what knows solvers and conversions looks for plugins when it is imported: not before these are set

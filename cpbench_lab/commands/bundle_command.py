@@ -22,8 +22,7 @@ from cpbench.cli.options import Command, force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
 from cpbench.errors import CpbenchError
-from cpbench.foundation.plain_text import on_one_line
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted, on_one_line
 
 RESULTS, VERSIONS, README, ELSEWHERE = "results.sqlite", "versions.txt", "README.md", "elsewhere"
 

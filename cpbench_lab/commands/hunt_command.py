@@ -11,7 +11,7 @@ from cpbench.bench.planning.plan import Limits
 from cpbench.cli.options import Command, memory_option, quiet_option, seed_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench_lab.reduction.hunting.hunt import HuntState, hunt
 
 EVERY = 10.0

@@ -12,7 +12,7 @@ from cpbench.cli.options import Command, memory_option, quiet_option, tolerance_
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.errors import CpbenchError
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.generators.collection import address_text
 from cpbench_lab.reduction.cases import case_of, case_of_row, reduce_case
 from cpbench_lab.reduction.predicate import parse_predicate

@@ -19,7 +19,7 @@ from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, VERIFIED
 from cpbench_lab.contradictions.answers import COMPARED, Conflict, KeptAnswer, is_one_of, of_answers, suspicious
 

@@ -18,8 +18,8 @@ from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning import plan
 from cpbench.errors import NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
-from cpbench.foundation import brackets
 from cpbench.foundation.matrices import Vector
+from cpbench.foundation.text import read_brackets
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, Trait, parse_options, solvers
 from cpbench.verification import MET_TOLERANCE, Status
@@ -227,7 +227,7 @@ def solve_here(text: str, problem: Problem, budget: Budget, start: Any = None) -
 
 def named(text: str) -> tuple[Solver, Any]:
     """Return a solver and its options; raises UnknownName."""
-    name, given = brackets.read("solver", text)
+    name, given = read_brackets("solver", text)
     solver = solvers.get(name)
     return solver, parse_options(solver.spec, given)
 

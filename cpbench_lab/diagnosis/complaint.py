@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.solvers.base import Claim
 from cpbench_lab.diagnosis.attempts import TrialOutcome
 

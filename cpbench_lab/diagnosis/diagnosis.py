@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.solvers.base import Claim
 from cpbench_lab.diagnosis.attempts import TrialOutcome
 from cpbench_lab.diagnosis.case import Cause, Remedy

@@ -16,8 +16,14 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 
 from cpbench.foundation import matrices
-from cpbench.foundation.definite import factor_on_diagonal, is_definite
-from cpbench.foundation.matrices import PSD_TOLERANCE, SYMMETRY_TOLERANCE, Matrix, Vector
+from cpbench.foundation.matrices import (
+    PSD_TOLERANCE,
+    SYMMETRY_TOLERANCE,
+    Matrix,
+    Vector,
+    all_pivots_positive,
+    factor_on_diagonal,
+)
 from cpbench_lab.facts.components import EIGEN_LIMIT, eigenvalues, singular_values
 from cpbench_lab.facts.fact import Fact, How, undecided
 
@@ -168,7 +174,7 @@ def _positive_factor(S: Matrix, shift: float) -> Callable[[Vector], Vector] | No
     """Return x ↦ (S + shift·I)⁻¹x where S + shift·I is positive definite, else None."""
     if matrices.is_sparse(S):
         lu = _symmetric_lu(S, shift)
-        return lu.solve if lu is not None and is_definite(lu) else None
+        return lu.solve if lu is not None and all_pivots_positive(lu) else None
     try:
         factor = sla.cho_factor(matrices.dense(S) + shift * np.eye(S.shape[0]), lower=True, check_finite=False)
     except sla.LinAlgError:

@@ -16,7 +16,7 @@ from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.report import canvas, figure_kinds
 from cpbench.report.text import code, plain
 from cpbench.verification import MET_TOLERANCE

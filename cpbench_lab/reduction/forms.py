@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Problem
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Dense, Vector, dense
-from cpbench.foundation.product_cones import Cone
 from cpbench.registry import NodeTable
 
 

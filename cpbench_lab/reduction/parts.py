@@ -22,8 +22,8 @@ from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.foundation.product_cones import Cone
 
 P = TypeVar("P", bound=Problem)
 Index = NDArray[np.int64]

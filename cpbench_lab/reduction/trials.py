@@ -18,7 +18,7 @@ from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute, PointError
 from cpbench.formulations.base import Problem
-from cpbench.foundation.temporary import RUN, TemporaryHome
+from cpbench.foundation.locks import RUN, TemporaryHome
 from cpbench.verification import MET_TOLERANCE
 from cpbench_lab.reduction.predicate import Predicate
 

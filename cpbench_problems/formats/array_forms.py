@@ -8,7 +8,7 @@ quadprog     H, f, A, b, Aeq, beq, lb, ub: min ½xᵀHx + fᵀx, Ax ≤ b, Aeq x
 cvxopt       P, q, G, h, A, b, dims.l, dims.q, dims.s: min ½xᵀPx + qᵀx, h − Gx in a cone, Ax = b
 box QP       data, indices, indptr, shape, q, l, u: min ½xᵀMx + qᵀx, l ≤ x ≤ u, M by rows
 ContactBench G, g, mus: u = Gr + g, the normal is the last of each three rows
-boxed LCP    A, b, lo, hi, findex: Ax = b + w, lo ≤ x ≤ hi, as ODE, DART and Bullet have it (`applications.boxed`)
+boxed LCP    A, b, lo, hi, findex: Ax = b + w, lo ≤ x ≤ hi, as ODE, DART and Bullet have it
 """
 
 from __future__ import annotations

@@ -13,17 +13,14 @@ import scipy.sparse as sp
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations import AVI, LCP, QP, ConeQP, FrictionContact
-from cpbench.formulations.applications.boxed import boxed_problem
-from cpbench.formulations.applications.game import game_problem
-from cpbench.formulations.applications.least_squares import least_squares_problem
+from cpbench.formulations.applications import boxed_problem, game_problem, least_squares_problem
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
-from cpbench.foundation import matrices, plurals
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices, text
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.storage.arrays import SPARSE, sparse_from_parts
-from cpbench.storage.base import build, stem
-from cpbench.storage.program_properties import OFFSET
+from cpbench.storage.base import OFFSET, build, stem
 from cpbench_problems.formats import array_forms
 from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import (
@@ -149,9 +146,7 @@ def _below(arrays: NamedArrays, form: ArrayForm) -> Made:
 
 def _left_out(count: int) -> dict[str, Any]:
     """Return the property that says how many rows are left out, where there are some."""
-    return (
-        {"left_out": f"{plurals.counted(count, 'row')} without a side (none, or beyond {INFINITE:g})"} if count else {}
-    )
+    return {"left_out": f"{text.counted(count, 'row')} without a side (none, or beyond {INFINITE:g})"} if count else {}
 
 
 def _cvxopt(arrays: NamedArrays, form: ArrayForm) -> Made:
@@ -211,7 +206,7 @@ def _contactbench(arrays: NamedArrays, form: ArrayForm) -> Made:
 
 
 def _boxed(arrays: NamedArrays, form: ArrayForm) -> Made:
-    """Return the AVI that `applications.boxed` makes."""
+    """Return the AVI that `boxed_problem` makes."""
     A = arrays.matrix("A")
     findex = arrays.vector("findex", arrays.vector("b").size, -1.0)
     try:
@@ -224,7 +219,7 @@ def _boxed(arrays: NamedArrays, form: ArrayForm) -> Made:
 
 
 def _least_squares(arrays: NamedArrays, form: ArrayForm) -> Made:
-    """Return the QP that `applications.least_squares` makes."""
+    """Return the QP that `least_squares_problem` makes."""
     lb, ub = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
     try:
         made = least_squares_problem(arrays.matrix("A"), arrays.vector("b"), lb, ub)

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.programs import QP
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench_problems.formats.mps import noted, program
 from cpbench_problems.formats.trial import require_survivor

@@ -24,10 +24,9 @@ from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.formulations.nonlinear import NCP, MiCP
 from cpbench.formulations.programs import NLP, QP
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Sparse, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.storage.base import build
-from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
+from cpbench.storage.base import OFFSET, SENSE, UNKNOWNS, build
 from cpbench_problems.formats.mof_functions import Affine, Nonlinear, Quadratic
 from cpbench_problems.formats.mof_model import Model, ModelRow, negative, slack
 

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cpbench.errors import FormatError
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Sparse, Vector
-from cpbench.storage.program_properties import offset
+from cpbench.storage.base import offset
 from cpbench_problems.formats.mof_write import FEASIBILITY, MODELS, Written, joined, numbered, one_sided
 
 

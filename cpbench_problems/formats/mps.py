@@ -10,8 +10,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.programs import QP
-from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
+from cpbench.storage.base import OFFSET, SENSE, UNKNOWNS, Format, build, formats, no_member, read_text, stem
 from cpbench_problems.formats import two_sided
 from cpbench_problems.formats.mps_sections import Reader
 from cpbench_problems.formats.program_text import ProgramText

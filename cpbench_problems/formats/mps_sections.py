@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.errors import FormatError
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.text import printable
 from cpbench_problems.formats import text_lines
 from cpbench_problems.formats.program_text import REFUSED, ProgramText
 

@@ -18,7 +18,7 @@ from cpbench.errors import FormatError
 from cpbench.formulations.expressions.operators import Operator
 from cpbench.foundation.matrices import Vector
 from cpbench.registry import NodeTable
-from cpbench.storage.program_properties import offset
+from cpbench.storage.base import offset
 from cpbench_problems.formats.mof_functions import Affine
 from cpbench_problems.formats.mof_linear import kept, quadratic
 from cpbench_problems.formats.nl_encoders import Encoder

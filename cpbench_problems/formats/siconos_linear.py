@@ -21,7 +21,7 @@ from cpbench.formulations.base import Problem
 from cpbench.formulations.conic import SOCLCP
 from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 from cpbench.storage.base import build, stem
 from cpbench_problems.formats.siconos_matrix import Cursor, read_matrix
 

@@ -11,8 +11,8 @@ from cpbench.formulations.contact import ContactProblem, LocalContact
 from cpbench.formulations.global_contact import GlobalContact
 from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.foundation.product_cones import Cone
 
 
 def write_lcp(p: LCP) -> str:

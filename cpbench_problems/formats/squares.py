@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cpbench.foundation.plurals import counted, some_of
+from cpbench.foundation.text import counted, some_of
 from cpbench_problems.formats.mof_functions import Affine
 from cpbench_problems.formats.mof_model import Model, slack
 

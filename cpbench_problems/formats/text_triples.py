@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.linear import LCP
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench_problems.formats.text_lcp import vector_file
 from cpbench_problems.formats.text_lines import lines, words

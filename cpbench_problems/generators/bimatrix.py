@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.applications.game import GAME, game_problem
+from cpbench.formulations.applications import GAME, game_problem
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense

@@ -6,7 +6,7 @@ import numpy as np
 
 from cpbench.formulations.conic import CP, CPPoint, cone_fields
 from cpbench.formulations.variational import GE, GEPoint
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.vi_sets import on_cones, planted_map, sides, sized_name
 

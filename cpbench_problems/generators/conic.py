@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.conic import SOCLCP, ConeQP, ConeQPPoint, SOCLCPPoint, cone_fields
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.contact_planted import DIRECTIONS
 

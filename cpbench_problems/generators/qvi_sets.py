@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.variational import QVI, QVIPoint
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.contact_planted import STATES, contact_states
 from cpbench_problems.generators.ncp_classics import formula_map

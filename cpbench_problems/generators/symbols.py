@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.formulations.expressions.symbol import Symbol
+from cpbench.formulations.expressions.recording import Symbol
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix
 

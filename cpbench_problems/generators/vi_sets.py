@@ -9,8 +9,8 @@ import numpy as np
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.variational import VI, VIPoint
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.affine_inequalities import tridiagonal
 from cpbench_problems.generators.ncp_classics import formula_map, kojima_shindo_map

@@ -19,7 +19,7 @@ from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.base import Contacts, Info, Point, Problem
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.transfer import transfer
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.generators.base import LICENCE
 from cpbench.solvers import warming
 from cpbench.solvers.base import Trait

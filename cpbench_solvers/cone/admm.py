@@ -16,9 +16,9 @@ import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, dense, norm, transpose
-from cpbench.foundation.product_cones import Cone
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.cone.penalty import TINY, StepPenalty
 from cpbench_solvers.cone.run import ConicSolver, Iterates

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.formulations.conic import SOCLCP, SOCLCPPoint, cone_fields
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
 from cpbench_solvers.cone.scaled_form import judged

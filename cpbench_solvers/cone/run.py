@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from cpbench.formulations.conic import SOCLCP, ConeQP, cone_fields
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Vector, least_eigenvalue
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone.scaled_form import ConicForm, conic_form

@@ -19,8 +19,8 @@ from cpbench.formulations.linear import AVI
 from cpbench.formulations.programs import QP
 from cpbench.formulations.sizes import least
 from cpbench.foundation import matrices
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench_solvers.avi.claims import verdict_error
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.qp.claims import ErrorMeasure

@@ -11,8 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from cpbench.foundation.definite import factor_on_diagonal
-from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector, factor_on_diagonal
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.cone.law_admm import LONGER, RHO
 from cpbench_solvers.cone.penalty import TINY, StepPenalty

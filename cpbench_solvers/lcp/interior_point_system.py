@@ -11,8 +11,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from cpbench.foundation import matrices
-from cpbench.foundation.definite import factor_on_diagonal, memory_errors
-from cpbench.foundation.matrices import Matrix, Vector, max_abs
+from cpbench.foundation.matrices import Matrix, Vector, factor_on_diagonal, max_abs, memory_errors
 
 REGULARISATION = 1e-11
 """Shift of the diagonal of the free unknowns where matrices are sparse or singular; refinement takes it out again."""

@@ -15,9 +15,9 @@ from scipy.sparse import csgraph
 
 from cpbench.formulations.linear import MLCP
 from cpbench.foundation import matrices
+from cpbench.foundation.factorization import has_full_structural_rank
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, sparse
-from cpbench.foundation.transversal import has_full_structural_rank
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.lcp.pgs import PGSOptions, by_columns, diagonal_obstacle

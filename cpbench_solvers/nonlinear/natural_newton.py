@@ -24,9 +24,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.variational import QVI, VI, QVIPoint, VIPoint
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Sparse, Vector, norm
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench_solvers.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench_solvers.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions

@@ -22,8 +22,8 @@ from cpbench.formulations.base import scaled
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.linear import AVI
 from cpbench.formulations.variational import QVI, VI, QVIPoint, VIPoint
+from cpbench.foundation.cones import ProductCone
 from cpbench.foundation.matrices import Sparse, Vector, norm
-from cpbench.foundation.product_cones import ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error

@@ -32,7 +32,7 @@ class LooksAtTheFirst(LCP):
 
     node = "lcp-first"
 
-    def residuals(self, point, tolerance=1e-6):
+    def measure(self, point, tolerance):
         w = self.M @ point.z + self.q
         return Residuals({"natural": float(np.abs(np.minimum(point.z, w))[:1].sum())})
 
@@ -44,7 +44,7 @@ class NeverSatisfied(LCP):
 
     node = "lcp-never"
 
-    def residuals(self, point, tolerance=1e-6):
+    def measure(self, point, tolerance):
         return Residuals({"natural": 1.0})
 
 
@@ -55,7 +55,7 @@ class AlwaysSatisfied(QP):
 
     node = "qp-always"
 
-    def residuals(self, point, tolerance=1e-6):
+    def measure(self, point, tolerance):
         return Residuals({"natural": 0.0})
 
 

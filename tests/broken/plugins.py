@@ -332,7 +332,7 @@ class ReadsHalfAFile(_TextLCP):
 class LooksAtTheFirst(LCP):
     """Residuals of the first unknown only."""
 
-    def residuals(self, point, tolerance=1e-6):
+    def measure(self, point, tolerance):
         w = self.M @ point.z + self.q
         return Residuals({"natural": float(np.abs(np.minimum(point.z, w))[:1].sum())})
 
@@ -358,7 +358,7 @@ class HashesTheStorage(LCP):
 class IgnoresNaN(LCP):
     """Residuals that skip what is not a number."""
 
-    def residuals(self, point, tolerance=1e-6):
+    def measure(self, point, tolerance):
         z = np.nan_to_num(point.z, posinf=0.0)
         return Residuals({"natural": float(np.nansum(np.abs(np.minimum(z, self.M @ z + self.q))))})
 
@@ -367,5 +367,5 @@ class IgnoresNaN(LCP):
 class AlwaysRight(LCP):
     """Residuals that are 0 whatever the answer."""
 
-    def residuals(self, point, tolerance=1e-6):
+    def measure(self, point, tolerance):
         return Residuals({"natural": 0.0})

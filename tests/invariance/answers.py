@@ -17,7 +17,7 @@ from inclusions import pairs_of
 from pairs import groups
 
 from cpbench.formulations.expressions import Map
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic, planted_contact
 from cpbench.testing import planted_nonlinear as nonlinear
 

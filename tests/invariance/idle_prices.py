@@ -11,7 +11,7 @@ import scipy.linalg as sl
 from answers import RNG, Answer
 
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 
 PRICED = {"qp": ("Q", "p"), "coneqp": ("Q", "p"), "avi": ("M", "q"), "mlcp": ("B", "b")}
 """Nodes with the matrix and the constants of the rows beside the unknown that is added."""

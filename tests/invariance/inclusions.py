@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pairs import Pairs, Project, box, cone, identity
 
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 
 Factors = list[tuple[int, Project]]
 """AnswerSizes and projections of consecutive factors."""

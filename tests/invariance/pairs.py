@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 
 Project = Callable[[np.ndarray], np.ndarray]
 

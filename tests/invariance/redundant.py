@@ -11,7 +11,7 @@ from answers import RNG, Answer
 
 from cpbench.formulations.expressions import Map
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 
 ONE_SIZE = ("qp", "avi", "coneqp", "nlp")
 """Nodes of which all prices are compared with the largest: of multipliers t that cancel, ε t is an error of a price,

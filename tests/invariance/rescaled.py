@@ -15,7 +15,7 @@ from answers import RNG, Answer
 
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.expressions import Map
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 
 Vector = np.ndarray
 Scale = Any

@@ -15,7 +15,7 @@ from cpbench.formulations import formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions import Map
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing.planted_nonlinear import graph
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 import cpbench as cp
 from cpbench.formulations.conic import ConeQP
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.complaint import complaint_of
 from cpbench_lab.diagnosis.diagnosis import Diagnosis

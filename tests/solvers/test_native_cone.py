@@ -8,7 +8,7 @@ from tiers import some_by_day
 
 from cpbench.formulations import AVI, QP, SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.graph import arrive, lift
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_conic

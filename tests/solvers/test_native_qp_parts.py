@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.formulations.conic import ConeQP
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, clock, solvers
 from cpbench.verification import judge
 from cpbench_solvers.qp.apart import MOST, parted, solve_apart

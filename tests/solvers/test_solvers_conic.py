@@ -9,8 +9,8 @@ from tiers import some_by_day
 
 from cpbench.formulations import SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import dense
-from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench.testing import planted_conic

@@ -9,7 +9,7 @@ import pytest
 from cpbench.formulations import QVI, VI, Equation, VIPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions.recording import MapRecorder
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.generators import generators
 from cpbench.graph import arrive, lift
 from cpbench.solvers.base import Budget, Claim, solvers

@@ -29,8 +29,8 @@ from cpbench.formulations import (
     Step,
 )
 from cpbench.formulations.conic import cone_fields
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.factorization import Factorization
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 INFO = Info(
     title="Würfel",

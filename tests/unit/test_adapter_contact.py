@@ -11,7 +11,7 @@ from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.formulations.conic import ConeQP
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

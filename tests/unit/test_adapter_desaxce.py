@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cpbench.formulations.conic import ConeQP
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.local_contact import FrictionContact
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_adapters.desaxce_fixed_point import DeSaxceOptions

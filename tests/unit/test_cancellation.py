@@ -26,11 +26,10 @@ from cpbench.formulations import (
     Relay,
     SOCLCPPoint,
 )
-from cpbench.formulations.conic import CPPoint, cone_fields
-from cpbench.formulations.defects import cone_defect
+from cpbench.formulations.conic import CPPoint, cone_defect, cone_fields
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.variational import GEPoint, QVIPoint, VIPoint
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 
 MU, MU_R = 0.5, 0.25
 DIGITS = 1e-13

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import AVI, LCP, MLCP, QP, ConeQP
 from cpbench.formulations.local_contact import FrictionContact
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.proofs import certified_infeasible, holds, packed, prove, unpacked
 from cpbench.proofs.certificates import Infeasible, Unbounded
 from cpbench.testing import planted

@@ -16,7 +16,6 @@ from cpbench.generators.collection import address_text
 from cpbench.storage.collections import added, manifests
 from cpbench.storage.collections.manifests import ListedFile, Manifest
 
-POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:0000\nsize 27172252\n"
 SUITED = {
     "diphasic": "diphasic-Ma.txt",
     "hock-schittkowski": "hs071.gms",
@@ -89,16 +88,10 @@ def test_a_missing_file_is_named_and_the_others_are_added(source: Path) -> None:
     assert added.add(listed, source, force=True).files == ("lcp-Ma.txt", "sub/readme.md")
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"1 2\n", r"1 file whose SHA-256 is not that of the manifest \(Ma\.txt\): take those of commit abc"),
-        (POINTER, r"1 Git-LFS pointer in place of files \(Ma\.txt\): run 'git lfs pull' there"),
-    ],
-)
-def test_a_wrong_file_stops_all(source: Path, content: bytes, said: str) -> None:
+def test_a_wrong_file_stops_all(source: Path) -> None:
     listed = known(source)
-    (source / "test" / "Ma.txt").write_bytes(content)
+    (source / "test" / "Ma.txt").write_bytes(b"1 2\n")
+    said = r"1 file whose SHA-256 is not that of the manifest \(Ma\.txt\): take those of commit abc \(pointers: .*\)"
     with pytest.raises(FormatError, match=rf"clone: has {said}; nothing was added$"):
         added.add(listed, source)
     assert list(added.home().iterdir()) == []
@@ -107,14 +100,14 @@ def test_a_wrong_file_stops_all(source: Path, content: bytes, said: str) -> None
 def test_a_wrong_file_leaves_what_was_added(source: Path) -> None:
     listed = known(source)
     added.add(listed, source)
-    (source / "test" / "Ma.txt").write_bytes(POINTER)
+    (source / "test" / "Ma.txt").write_bytes(b"1 2\n")
     with pytest.raises(FormatError, match="there already: cpbench collection verify diphasic checks it, --force"):
         added.add(listed, source)
     with pytest.raises(FormatError, match="nothing was added"):
         added.add(listed, source, force=True)
     found = added.check(listed)
     assert found is not None
-    assert (found.missing, found.changed, found.pointers) == ((), (), ())
+    assert (found.missing, found.changed) == ((), ())
 
 
 def test_a_folder_without_the_files_is_refused(source: Path, tmp_path: Path) -> None:
@@ -132,11 +125,10 @@ def test_a_copy_that_changed_is_seen(source: Path) -> None:
     listed = known(source)
     folder = added.add(listed, source).folder
     (folder / "lcp-Ma.txt").write_text("1 2\n")
-    (folder / "lcp-qa.txt").write_bytes(POINTER)
     (folder / "sub" / "readme.md").unlink()
     found = added.check(listed)
     assert found is not None
-    assert (found.missing, found.changed, found.pointers) == (("sub/readme.md",), ("lcp-Ma.txt",), ("lcp-qa.txt",))
+    assert (found.missing, found.changed) == (("sub/readme.md",), ("lcp-Ma.txt",))
     quick = added.check(listed, content=False)
     assert quick is not None
     assert (quick.missing, quick.changed) == (("sub/readme.md",), ())

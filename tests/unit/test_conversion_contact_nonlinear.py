@@ -261,14 +261,3 @@ def test_linearization_refuses_what_it_cannot_do(rng):
     )
     with pytest.raises(NotApplicable, match="not finite"):
         make("nfc-gfc").apply(broken)
-
-
-def test_linear_dynamics_become_a_map_and_come_back(rng):
-    problem, point = planted.gfc(rng, 3, 4, 3)
-    target, _ = both_ways(make("gfc-nfc"), problem, point)
-    back = make("nfc-gfc").step(target)
-    np.testing.assert_allclose(back.M.toarray(), problem.M, rtol=1e-14)
-    np.testing.assert_allclose(back.f, problem.f, rtol=1e-9, atol=1e-12)
-    jointed, _ = planted_contact.gfc(rng, 3, 4, 2, 3)
-    with pytest.raises(NotApplicable, match="G has 2 joints"):
-        make("gfc-nfc").apply(jointed)

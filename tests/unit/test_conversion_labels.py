@@ -31,7 +31,7 @@ from cpbench.formulations import (
     SOCLCPPoint,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted_contact
 
 EPS = float(np.finfo(float).eps)

@@ -11,7 +11,7 @@ from cpbench import graph
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
 from cpbench.formulations import AVI, QP, Kind, MixedFrictionContact, Relay, RollingFrictionContact
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, solvers
 from cpbench.testing import planted, planted_conic, planted_contact
 

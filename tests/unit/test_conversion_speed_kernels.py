@@ -11,13 +11,15 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cpbench import graph
 from cpbench.conversions import congruence, facets
-from cpbench.conversions.base import Size, make
+from cpbench.conversions.base import Conversion, Size, conversions, make
 from cpbench.conversions.congruence import Congruence, index_dtype
 from cpbench.errors import ProblemError
-from cpbench.formulations import LCP, FrictionContact
+from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, LCPPoint, Relay
 from cpbench.foundation import kernel_cache, matrices
 from cpbench.testing import planted
+from cpbench.testing.cases import cases
 
 quick = settings(max_examples=60, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)
@@ -113,20 +115,6 @@ def test_facet_edges_by_the_compiled_loop(edge, rng, compiled) -> None:
     assert size.rows == sum(target.point_sizes.values())
 
 
-def test_plane_contact(rng, compiled) -> None:
-    problem, point = planted.fc(rng, 12, 2, "indefinite", sparse=True)
-    edge = make("fc-lcp-2d")
-    target = edge.step(problem)
-    assert target.residuals(edge.push(point, target.provenance[-1].trace)).error <= 1e-9
-
-
-def test_rolling(rng, compiled) -> None:
-    form = facets.congruence(facets.directions(8, 0.1), disks=2)
-    W = delassus(rng, 9, 5, "full")
-    coefficients = facets.coefficients(rng.uniform(0, 1, 9), rng.uniform(0, 1, 9))
-    np.testing.assert_allclose(form.assemble(W, coefficients).toarray(), reference(form, W, coefficients), atol=1e-12)
-
-
 def test_products_that_cancel_are_not_stored(compiled) -> None:
     """Directions at right angles do not see each other through W = 1: cos(π/2) is 0 and stays out."""
     nc = 4
@@ -205,3 +193,37 @@ def test_nothing_compiles_after_the_import() -> None:
             patch.setattr(congruence, "index_dtype", lambda *_, index=index: index)
             facets.congruence(facets.directions(4, 0.0)).assemble(W, facets.coefficients(np.ones(2)))
     assert compiled == []
+
+
+SAID = [n for n in conversions.names() if conversions.get(n).predict is not Conversion.predict]
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_no_result_is_larger_than_predicted(name):
+    edge = make(name)
+    checked = 0
+    for case in cases(edge.source):
+        if edge.obstacle(case.problem) is None:
+            size, target = edge.predict(case.problem), edge.apply(case.problem)[0]
+            assert sum(matrices.nnz(v) for v in target.data().values() if v.ndim == 2) <= size.entries, case.name
+            checked += 1
+    assert checked
+
+
+def test_the_size_of_a_delassus_operator_is_what_meets_at_the_bodies():
+    """A chain of nc + 1 bodies, contact k between k and k + 1: two contacts meet at every body, one at both ends."""
+    nc = 50
+    pattern = sp.diags_array([np.ones(nc), -np.ones(nc)], offsets=[0, -1], shape=(nc + 1, nc))
+    H = sp.csr_array(sp.kron(pattern, np.ones((3, 3))))
+    M = sp.csr_array(sp.kron(sp.eye_array(nc + 1), np.ones((3, 3)) + 3.0 * np.eye(3)))
+    chain = GlobalFrictionContact(M=M, H=H, f=np.zeros(3 * nc + 3), w=np.ones(3 * nc), mu=np.ones(nc))
+    size = make("gfc-fc").predict(chain)
+    assert (size.rows, size.entries) == (3 * nc, 36 * (nc - 1) + 2 * 9)
+
+
+def test_a_far_bound_on_one_side_loses_nothing():
+    problem = Relay(M=np.eye(2), q=[1.0, -2.0], lb=[-1e20, 0.0], ub=[1.0, 1e20])
+    target = make("relay-lcp").step(problem)
+    there = graph.push(target, LCPPoint(z=[-1.0, 2.0]))
+    np.testing.assert_array_equal(graph.lift(target, there).z, [-1.0, 2.0])
+    assert target.residuals(there).error == 0.0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.expressions.derivatives import derivative, second_derivative
-from cpbench.formulations.expressions.interpreter import Interpreted
+from cpbench.formulations.expressions.evaluation import Interpreted
 from cpbench.formulations.expressions.recording import (
     MapRecorder,
     either,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import cpbench
-from cpbench.foundation import toml_text
+from cpbench.solvers.external.builds import toml_lines
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -42,4 +42,4 @@ def test_the_version_to_cite_is_that_of_the_package() -> None:
 
 def test_every_key_of_toml_is_read_as_it_was_written() -> None:
     table = {"omega": 1, "a b": 2, "a.b": 3, "": 4, "ä": 5, 'q"': 6, "x=y": 7, "[s]": 8}
-    assert tomllib.loads("\n".join(toml_text.lines(table))) == table
+    assert tomllib.loads("\n".join(toml_lines(table))) == table

@@ -1,4 +1,4 @@
-"""Maps: every operator against mpmath, derivatives, the canonical list, CasADi's and SymPy's expressions."""
+"""Maps: every operator against mpmath, derivatives, the canonical list, CasADi's expressions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lecture.numerics.examples.maps import mapped
@@ -149,28 +148,6 @@ def test_all_ways_to_evaluate_agree(F: Map, seed: int) -> None:
         np.testing.assert_allclose(other[kept], slow[kept], rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(maps(), st.integers(0, 1000))
-def test_derivatives_are_those_of_differences(F: Map, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    z, weights, step = rng.uniform(0.3, 0.8, F.inputs), rng.standard_normal(F.rows), 1e-6
-    J = F.jacobian(z).toarray()
-    H = F.hessian(z, weights).toarray()
-    np.testing.assert_array_equal(H, H.T)
-    for k in range(F.inputs):
-        e = np.eye(F.inputs)[k] * step
-        with np.errstate(all="ignore"):
-            ahead, behind = F.evaluate(z + e), F.evaluate(z - e)
-            slope, bend = (ahead - behind) / (2 * step), np.abs(ahead - 2 * F.evaluate(z) + behind) / step**2
-            calm = np.isfinite(slope) & (bend < 1e2) & (np.abs(ahead) < 1e2) & np.isfinite(J[:, k])
-        np.testing.assert_allclose(J[calm, k], slope[calm], rtol=1e-4, atol=1e-4)
-        up, down = F.jacobian(z + e), F.jacobian(z - e)
-        np.testing.assert_array_equal(up.indices, F.jacobian(z).indices)  # one pattern everywhere
-        gradients = ((up - down).T @ weights) / (2 * step)
-        if np.isfinite(gradients).all() and np.abs(H).max(initial=0) < 1e2 and calm.all():
-            np.testing.assert_allclose(H[k], gradients, rtol=1e-3, atol=1e-3)
-
-
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(maps())
 def test_a_list_is_canonical(F: Map) -> None:
@@ -259,7 +236,7 @@ def test_a_wrong_length_is_refused(operator: Operator) -> None:
         _single(operator)(np.zeros(3))
 
 
-# --------------------------------------------------------------------------------------- CasADi and SymPy
+# ---------------------------------------------------------------------------------------------------- CasADi
 
 
 def test_casadis_own_operators() -> None:
@@ -294,35 +271,6 @@ def test_what_casadi_has_and_a_map_has_not(make: Any, says: str) -> None:
     z = ca.SX.sym("z")
     with pytest.raises(ProblemError, match=says):
         Map.from_casadi(z, make(z))
-
-
-def test_sympys_expressions() -> None:
-    x, y = sympy.symbols("x y", real=True)
-    expressions = [
-        x**2 + 3 * x * y - sympy.pi, sympy.exp(-x) / y, sympy.sqrt(x), 1 / sympy.sqrt(y), sympy.Abs(x - y), x**y,
-        sympy.sign(x - y), sympy.Min(x, y, 1), sympy.Max(x, y), sympy.atan2(x, y), sympy.log(1 + x), sympy.floor(3 * x),
-        sympy.Piecewise((x, x < y), (y**2, sympy.Ne(x, 3)), (0, True)), sympy.Rational(1, 3), sympy.sinh(x),
-        sympy.Piecewise((1, (x > 0) & (y > 0)), (2, True)), sympy.Piecewise((1, (x < 0) | (y >= 1)), (2, True)),
-    ]  # fmt: skip
-    F = Map.from_sympy([x, y], expressions)
-    for at in ((0.7, 1.9), (1.9, 0.7), (1.0, 1.0)):
-        by_sympy = [float(sympy.sympify(e).subs({x: at[0], y: at[1]}).evalf(20)) for e in expressions]
-        np.testing.assert_allclose(F.evaluate(np.array(at)), by_sympy, rtol=1e-13, atol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda x: sympy.gamma(x), "gamma"),
-        (lambda x: sympy.Symbol("other") + x, "has the symbol other"),
-        (lambda x: sympy.Piecewise((x, x > 0)), "last condition"),
-        (lambda x: x + sympy.oo, "finite"),
-    ],
-)
-def test_what_sympy_has_and_a_map_has_not(make: Any, says: str) -> None:
-    x = sympy.Symbol("x")
-    with pytest.raises(ProblemError, match=says):
-        Map.from_sympy([x], [make(x)])
 
 
 # ----------------------------------------------------------------------------------------------- refusals

@@ -12,7 +12,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.foundation import matrices
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 from cpbench.generators import Instance, generators
 
 INSTANCES = {

@@ -46,7 +46,7 @@ class Word(Problem):
     def point_sizes(self) -> dict[str, int]:
         return {}
 
-    def residuals(self, point, tolerance: float = 1e-6) -> Residuals:
+    def measure(self, point, tolerance: float) -> Residuals:
         return Residuals({})
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import sympy
 from command_line import cpbench as command
 
 import cpbench
 from cpbench import storage
 from cpbench.formulations import NCP, FrictionContact, NCPPoint
+from cpbench.formulations.expressions.recording import recorded
 
 
 def record(folder: Path, counts: list[int], ids: list[bool]) -> None:
@@ -46,8 +46,8 @@ def test_a_step_says_where_it_stands(tmp_path: Path) -> None:
 def test_expressions_and_starts(tmp_path: Path) -> None:
     """F = (2x + 3y, x² − y + z, z + 1): 2 + 3 + 1 entries that may be other than 0, two affine rows, and
     an affine part with 2, 3, −1, 1 and 1."""
-    x, y, z = sympy.symbols("x y z")
-    problem = NCP.from_sympy([x, y, z], [2 * x + 3 * y, x**2 - y + z, z + 1])
+    F = recorded(3, lambda v: np.array([2 * v[0] + 3 * v[1], v[0] ** 2 - v[1] + v[2], v[2] + 1]))
+    problem = NCP(F=F)
     guesses = [NCPPoint(z=np.full(3, float(k))) for k in range(20)]
     storage.save_pack({"mine": problem}, tmp_path / "mine.h5", guesses={"mine": guesses})
     shown = command(tmp_path, "info", "mine.h5", "--no-facts").stdout

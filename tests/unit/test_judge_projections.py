@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.verification.projections import project
 from cpbench.verification.verdict import judge
 

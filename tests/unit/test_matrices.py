@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import io
 import pickle
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import loadmat, savemat
+from scipy.sparse import csgraph
 
 from cpbench import storage
+from cpbench.conversions.base import make
 from cpbench.errors import ProblemError
 from cpbench.foundation import cones, matrices
-from cpbench.foundation.factorization import Factorization, sparse_lu
+from cpbench.foundation.factorization import Factorization, has_full_structural_rank, sparse_lu
+from cpbench.foundation.matrices import all_pivots_positive, factor_on_diagonal, sparse
 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 350])
@@ -206,3 +216,137 @@ def test_an_lu_of_symmetric_structure_is_an_lu(rng: np.random.Generator, small: 
     np.testing.assert_allclose(A @ preferring.solve(b), b, atol=1e-9)
     assert small or preferring.nnz < 0.8 * by_columns.nnz
     assert sparse_lu(sp.csc_array((3, 3)), symmetric_structure=True) is None
+
+
+def test_data_from_a_mat_file_have_the_plain_dtype() -> None:
+    buffer = io.BytesIO()
+    savemat(buffer, {"v": np.array([[0.5], [1.5]]), "S": sp.csc_matrix(np.diag([0.5, 1.5]))})
+    data = loadmat(buffer)
+    assert memoryview(data["v"].ravel()).format == "<d"  # the case that matters is really there
+    for array in (
+        matrices.vector(data["v"].ravel()),
+        matrices.matrix(data["v"]),
+        matrices.matrix(data["S"]).data,
+    ):
+        assert memoryview(array).format == "d"
+        assert not array.flags.writeable
+
+
+def fresh() -> sp.csr_array:
+    return sp.csr_array(np.array([[1.0, 0.0], [2.0, 3.0]]))
+
+
+def test_an_adopted_matrix_is_shared_and_frozen() -> None:
+    M = matrices.adopt(fresh())
+    assert matrices.matrix(M) is M
+    with pytest.raises(ValueError, match="read-only"):
+        M.data[0] = 5.0
+
+
+def test_a_matrix_once_taken_is_not_copied_again() -> None:
+    given = fresh()
+    taken = matrices.matrix(given)
+    assert not np.shares_memory(taken.data, given.data)
+    assert matrices.matrix(taken) is taken
+
+
+@pytest.mark.parametrize("what", ["thawed", "replaced", "pickled", "copied"])
+def test_whoever_touches_it_gets_a_copy(what: str) -> None:
+    M = matrices.adopt(fresh())
+    if what == "thawed":
+        M.data.setflags(write=True)
+    elif what == "replaced":
+        M.data = np.array([1.0, np.nan, 3.0])
+        matrices.freeze(M.data)
+    else:
+        M = pickle.loads(pickle.dumps(M)) if what == "pickled" else M.copy()
+    if what == "replaced":
+        with pytest.raises(ProblemError, match="1 non-finite"):
+            matrices.matrix(M)
+    else:
+        assert not np.shares_memory(matrices.matrix(M).data, M.data)
+
+
+def test_settle_takes_only_what_keeps_the_promise() -> None:
+    good = matrices.settle(fresh())
+    assert matrices.matrix(good) is good
+    doubled = sp.csr_array((np.ones(2), np.array([1, 1]), np.array([0, 2])), shape=(1, 2))
+    assert matrices.matrix(matrices.settle(doubled)).nnz == 1
+    spoilt = fresh()
+    spoilt.data[1] = np.inf
+    with pytest.raises(ProblemError, match="non-finite"):
+        matrices.matrix(matrices.settle(spoilt))
+
+
+def test_finite_entries_whose_sum_overflows_are_finite() -> None:
+    assert matrices.vector(np.full(3, 1e308)).size == 3
+    with pytest.raises(ProblemError, match="2 non-finite entries, the first at 0"):
+        matrices.vector([np.inf, -np.inf, 1.0])
+
+
+def grid(n: int, shift: float) -> Any:
+    """The five-point Laplacian on n² points plus `shift`; its least eigenvalue is 8 sin²(π/(2n + 2)) + shift."""
+    T = sp.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1])  # pyright: ignore[reportCallIssue, reportArgumentType]
+    return sp.csr_array(sp.kronsum(T, T) + shift * sp.eye_array(n * n))
+
+
+def test_pivots_on_the_diagonal_tell_definiteness() -> None:
+    least = 8 * np.sin(np.pi / 26) ** 2
+    assert all_pivots_positive(factor_on_diagonal(grid(12, -0.9 * least)))
+    assert not all_pivots_positive(factor_on_diagonal(grid(12, -1.1 * least)))
+    assert factor_on_diagonal(sp.csr_array(np.diag([1.0, 0.0]))) is None
+
+
+WITHOUT_MEMORY = """
+import resource, sys
+from pathlib import Path
+import numpy as np, scipy.sparse as sp
+from cpbench.foundation.factorization import Factorization
+
+n = 2000
+A = sp.csr_array(sp.diags_array([np.full(n - 1, -1.0), np.full(n, 4.0), np.full(n - 1, -1.0)], offsets=[-1, 0, 1]))
+factors, right = Factorization(A), np.ones((n, 5000))
+factors.solve(right[:, :2])
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + right.nbytes * 3 // 2,) * 2)  # SuperLU takes two copies
+try:
+    factors.solve(right)
+except MemoryError as cause:
+    sys.exit(0 if "SUPERLU" in str(cause) else "not of SuperLU")
+sys.exit("solved")
+"""
+
+
+def test_superlu_without_memory_is_out_of_memory() -> None:
+    """It says so by a RuntimeError, as it says that a matrix is singular: the status was `error`, or `singular`."""
+    done = subprocess.run([sys.executable, "-c", WITHOUT_MEMORY], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 30), st.floats(0.02, 0.3))
+def test_agrees_with_scipy(seed, n, density):
+    rng = np.random.default_rng(seed)
+    A = sp.csr_array(sp.random_array((n, n), density=density, rng=rng) + sp.diags_array((rng.random(n) < 0.8) * 1.0))
+    assert has_full_structural_rank(A) == (n == 0 or csgraph.structural_rank(A) == n)
+
+
+def test_an_alternating_path_is_found_where_greed_fails():
+    """Two even cycles joined: every greedy choice is a tie, and wrong ones leave rows over."""
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        n = 24
+        A = np.zeros((n, n))
+        A[np.arange(n), rng.permutation(n)] = 1.0
+        A[rng.integers(0, n, 20), rng.integers(0, n, 20)] = 1.0
+        assert has_full_structural_rank(sp.csr_array(A))
+        A[:3, :] = 0.0
+        A[:3, :2] = 1.0  # three rows for two columns
+        assert not has_full_structural_rank(sp.csr_array(A))
+
+
+@pytest.mark.parametrize(("name", "full"), [("QBEACONF", False), ("CONT-101", True), ("CVXQP1_M", True)])
+def test_optimality_conditions_of_real_programs(shared_data, name, full):
+    """QBEACONF's made SuperLU crash, CONT-101's keep SciPy's structural_rank busy for minutes."""
+    conditions = make("qp-mlcp").step(storage.load(shared_data / "qp" / f"{name}.mat"))
+    assert has_full_structural_rank(sparse(conditions.A)) == full

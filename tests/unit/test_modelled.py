@@ -169,7 +169,7 @@ def test_sizes_that_are_none_of_a_game_are_ignored(sizes) -> None:
     """A file may hold any property."""
     from dataclasses import replace
 
-    from cpbench.formulations.applications.own_unknowns import own_unknowns
+    from cpbench.formulations.applications import own_unknowns
 
     problem = cpbench.from_game(*THREE).problem
     other = replace(problem, info=replace(problem.info, properties={"game": sizes}))

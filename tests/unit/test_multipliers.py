@@ -19,7 +19,7 @@ from cpbench.errors import PointError
 from cpbench.formulations import NLP, QP, VI, ConeQP, Point, Problem
 from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.primal import Primal, primal_of
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic, planted_nonlinear
 from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import judge

@@ -18,7 +18,7 @@ from tiers import some_by_day
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP, QP, ConeQP, FrictionContact, formulations
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 from cpbench_problems.formats import array_forms
 
 Arrays = dict[str, Any]

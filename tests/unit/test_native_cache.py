@@ -41,9 +41,9 @@ NATIVE = [
 def fresh(monkeypatch: pytest.MonkeyPatch):
     """`ensure_cache_dir` as in a new process, with the environment put back afterwards."""
     monkeypatch.setenv(cache.VARIABLE, "")
-    cache._cache_dir.cache_clear()
+    cache.ensure_cache_dir.cache_clear()
     yield monkeypatch
-    cache._cache_dir.cache_clear()
+    cache.ensure_cache_dir.cache_clear()
 
 
 def test_a_setting_of_the_user_is_left_alone(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -81,9 +81,7 @@ def test_a_private_place_where_nothing_is_writable(fresh: pytest.MonkeyPatch, tm
 
 
 @pytest.mark.parametrize("place", ["package", "home", "nowhere"])
-def test_a_setting_that_cannot_be_written_is_left_with_one_line(
-    fresh: pytest.MonkeyPatch, tmp_path: Path, place: str
-) -> None:
+def test_a_setting_that_cannot_be_written_is_left(fresh: pytest.MonkeyPatch, tmp_path: Path, place: str) -> None:
     """And numba looks where the locks and the stamps are: else each process removes what the one before compiled."""
     (tmp_path / "file").touch()
     asked = tmp_path / "file" / "cache"
@@ -94,14 +92,6 @@ def test_a_setting_that_cannot_be_written_is_left_with_one_line(
     chosen = cache.ensure_cache_dir()
     with tempfile.TemporaryFile(dir=chosen):
         assert os.environ[cache.VARIABLE] == ("" if place == "package" else str(chosen))
-    assert cache.remark().startswith(f"{cache.VARIABLE}: {asked} cannot be written: ")
-    assert "\n" not in cache.remark()
-    assert ("each command compiles anew" in cache.remark()) == (place == "nowhere")
-
-
-def test_a_setting_that_can_be_written_has_no_remark(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    fresh.setenv(cache.VARIABLE, str(tmp_path / "own"))
-    assert cache.remark() == ""
 
 
 @pytest.mark.nightly
@@ -123,7 +113,6 @@ def test_a_run_goes_on_where_no_folder_of_the_user_can_be_written(tmp_path: Path
         )
         assert done.returncode == 0, done.stderr
         assert "1 pair: 1 solved" in done.stdout
-        assert done.stderr.count("cannot be written") == done.stderr.count("could not be kept") == 1
     assert "compiling" not in done.stderr
 
 

@@ -22,7 +22,7 @@ from cpbench.formulations import (
     GlobalFrictionContact,
     MixedFrictionContact,
 )
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge

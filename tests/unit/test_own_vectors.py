@@ -9,10 +9,13 @@ import pytest
 from command_line import cpbench as command
 
 from cpbench import storage
-from cpbench.formulations.applications.boxed import boxed_problem
-from cpbench.formulations.applications.game import game_problem
-from cpbench.formulations.applications.least_squares import least_squares_problem
-from cpbench.formulations.applications.own_unknowns import from_own_vector, own_vector
+from cpbench.formulations.applications import (
+    boxed_problem,
+    from_own_vector,
+    game_problem,
+    least_squares_problem,
+    own_vector,
+)
 
 
 def game() -> object:

@@ -11,7 +11,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-import sympy
 from click.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -54,10 +53,7 @@ def test_a_parameter_has_a_value_that_can_be_changed() -> None:
     assert pickle.loads(pickle.dumps(other)).parameters == {"nu": 5.0}
 
 
-def test_sympy_and_casadis_mx_have_them_too() -> None:
-    x, y, nu = sympy.symbols("x y nu")
-    found = NCP.from_sympy([x, y], [sympy.exp(x) - nu, y**2 - 2 * x + nu / 2], {"nu": 2})
-    np.testing.assert_allclose(found.with_parameters({"nu": 5.0}).F(AT), _expected(5.0), rtol=1e-15)
+def test_casadis_mx_have_them_too() -> None:
     z, mu = ca.MX.sym("z", 2), ca.MX.sym("mu")
     mixed = MiCP.from_casadi(z, ca.vertcat(z[0] * mu, z[1]), {"mu": 3.0}, lb=[0.0, 0.0], ub=[1.0, 1.0])
     assert mixed.parameters == {"mu": 3.0}
@@ -159,7 +155,6 @@ def test_models_that_use_them_wrong_are_one_line(model: dict[str, Any], says: st
     ("make", "says"),
     [
         (lambda: NCP.from_casadi(Z, ROWS), "has the symbol nu, which is not a variable"),
-        (lambda: NCP.from_sympy(sympy.symbols("x y"), sympy.symbols("nu x")), "has the symbol nu"),
         (lambda: _ncp(np.nan), "parameter nu = nan"),
         (lambda: _ncp().with_parameters({"mu": 1.0}), "no parameter mu: it has nu"),
         (lambda: _ncp().with_parameters({"nu": np.inf}), "cannot have nu = inf"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cpbench.foundation import cones
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 
 MU, MU_R = 0.6, 0.25
 

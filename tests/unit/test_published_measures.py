@@ -32,8 +32,8 @@ from cpbench.formulations import (
     QPPoint,
     Relay,
 )
-from cpbench.formulations.expressions import Map
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.formulations.expressions.recording import recorded
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing.cases import cases
 from cpbench.verification import judge, judge_by_all, published
 from cpbench.verification.published import BESIDE, FAMILIES, SOURCES, beside, conic, path_norms
@@ -69,11 +69,7 @@ PRINTED5 = (9.0, 6.0, 3.25, 6.5)
 
 def affine(M: np.ndarray, q: np.ndarray, lb: np.ndarray, ub: np.ndarray) -> MiCP:
     """Mz + q beside the bounds."""
-    import sympy
-
-    z = sympy.symbols(f"z:{q.size}")
-    F = [sum(M[i, j] * z[j] for j in range(q.size)) + q[i] for i in range(q.size)]
-    return MiCP(F=Map.from_sympy(z, F), lb=lb, ub=ub)
+    return MiCP(F=recorded(q.size, lambda z: M @ z + q), lb=lb, ub=ub)
 
 
 @pytest.mark.parametrize(("case", "printed"), PRINTED)

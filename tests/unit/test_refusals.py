@@ -18,7 +18,7 @@ from cpbench.bench.messages import Result, Seconds
 from cpbench.bench.outcome import LATE, LATE_SHARE, marks, runners_time
 from cpbench.bench.worker import _counters
 from cpbench.errors import FormatError
-from cpbench.foundation.plain_text import cell, on_one_line
+from cpbench.foundation.text import cell, on_one_line
 
 
 def _lcp(path: Path, shift: float = 0.0) -> Path:

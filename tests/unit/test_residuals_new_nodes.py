@@ -34,7 +34,7 @@ from cpbench.formulations import (
     SOCLCPPoint,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing import cases, corners_contact, planted_conic, planted_contact
 
 E = np.eye

@@ -18,7 +18,7 @@ from cpbench.formulations import LCP, FrictionContact, Problem, formulations
 from cpbench.formulations.base import counted
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 from cpbench.report import show
 
 

@@ -18,7 +18,7 @@ from cpbench.errors import Ended, FormatError
 from cpbench.formulations import NCP, VI, MiCP, MiCPPoint, NCPPoint
 from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.cones import Cone
 from cpbench.generators.base import generators
 from cpbench.solvers import solvers
 from cpbench.solvers.base import Budget, Claim

@@ -27,7 +27,7 @@ from cpbench.formulations import (
     RollingFrictionContact,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench_problems.formats import siconos_matrix
 
 SYSTEM_PYTHON = "/usr/bin/python3"

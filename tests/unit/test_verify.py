@@ -12,7 +12,7 @@ import cpbench
 from cpbench import storage
 from cpbench.cli import verify_command
 from cpbench.formulations import LCP, NLP, QP, ConeQP, Problem
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import Verdict, error_text
 

@@ -232,7 +232,7 @@ def test_scratch_folders_of_the_living_are_left_alone(tmp_path: Path, monkeypatc
     """What kill -9 leaves is a folder and a lock that nobody holds."""
     import tempfile
 
-    from cpbench.foundation.temporary import RUN, TemporaryHome, remove_abandoned
+    from cpbench.foundation.locks import RUN, TemporaryHome, remove_abandoned
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     alive, dead = TemporaryHome(RUN), tmp_path / "cpbench-run-0123456789ab"

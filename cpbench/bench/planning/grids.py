@@ -21,7 +21,7 @@ from decimal import Decimal
 from cpbench.bench.planning.nearest import AUTO, all_automatic
 from cpbench.bench.planning.plan import Entry, entry_of
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.foundation import brackets
+from cpbench.foundation.text import read_brackets
 from cpbench.solvers.base import solvers
 
 ALL = "all"
@@ -57,7 +57,7 @@ def grid(text: str) -> list[Entry]:
     >>> [entry.label for entry in grid("psor[omega=1:1.4:0.2]")]
     ['psor[omega=1.0]', 'psor[omega=1.2]', 'psor[omega=1.4]']
     """
-    pattern, written = brackets.read("solver", text)
+    pattern, written = read_brackets("solver", text)
     if pattern == AUTO:
         if written:
             raise CpbenchError(f"solver '{text}': the automatic choice has no options; name one, as auto-qp")

@@ -18,7 +18,7 @@ from cpbench.bench.planning.nearest import nearest_reached
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
-from cpbench.foundation import brackets
+from cpbench.foundation.text import read_brackets
 from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 
@@ -165,7 +165,7 @@ def pinned(via: Iterable[str], facets: int | None = None) -> Request:
     """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:
-        name, knobs = brackets.read("conversion", text)
+        name, knobs = read_brackets("conversion", text)
         names = find_via(name)
         if len(names) > 1:
             raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
@@ -212,7 +212,7 @@ def parse_request(request: Request) -> tuple[frozenset[Kind], tuple[Conversion, 
 
 def parse_entry(text: str) -> Entry:
     """Return `nsgs` or `nsgs[omega=1.2,shuffle=true]`; raises UnknownName on a solver, an option or a value."""
-    name, given = brackets.read("solver", text)
+    name, given = read_brackets("solver", text)
     return entry_of(solvers.get(name).spec, given)
 
 

@@ -13,8 +13,7 @@ from pathlib import Path
 from cpbench import storage
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
-from cpbench.foundation.plain_text import on_one_line
-from cpbench.foundation.plurals import some_of
+from cpbench.foundation.text import on_one_line, some_of
 from cpbench.storage.base import split_address
 
 SIZE = 16

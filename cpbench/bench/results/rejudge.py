@@ -20,7 +20,7 @@ from cpbench.bench.results.rows import Row, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Kind, Problem
-from cpbench.foundation.plurals import counted, summary
+from cpbench.foundation.text import counted, summary
 
 NO_ROUTE = ("", "direct")
 """Routes of an answer made elsewhere, and of a solver of the source problem itself."""

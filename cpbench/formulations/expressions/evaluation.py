@@ -14,11 +14,44 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.expressions import derivatives
-from cpbench.formulations.expressions.interpreter import evaluator
+from cpbench.formulations.expressions.batches import Batches
 from cpbench.formulations.expressions.map import Index, Map
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.foundation import matrices
-from cpbench.foundation.matrices import Sparse, Vector
+from cpbench.foundation import kernel_cache, matrices
+from cpbench.foundation.matrices import Sparse, Vector, freeze
+
+_INTERPRETER = "cpbench.formulations.expressions.kernels.interpreter"
+
+
+def evaluator(F: Map) -> Callable[[Vector], Vector]:
+    """Return z ↦ F(z), by the faster of the two ways."""
+    batches = Batches(F)
+    return batches if batches.worthwhile else Interpreted(F)
+
+
+def load_interpreter() -> Any:
+    """Load the compiled loop: a worker has it before anything is timed."""
+    return kernel_cache.compiled(kernel_cache.load(_INTERPRETER).run)
+
+
+class Interpreted:
+    """z ↦ F(z), one operation after the other in machine code."""
+
+    def __init__(self, F: Map) -> None:
+        self._run = load_interpreter()
+        self._operations = freeze(np.column_stack([F.heads, F.left, F.right]))
+        self._constants, self._outputs, self._inputs = F.constants, F.outputs, F.inputs
+        self._size = max(1, F.inputs + F.constants.size + F.operations)
+
+    def __call__(self, z: Vector) -> Vector:
+        held = np.ascontiguousarray(z, dtype=float)
+        if held.shape != (self._inputs,):
+            raise ValueError(f"the map has {self._inputs} unknowns, the vector has shape {held.shape}")
+        result = np.empty(self._outputs.size)
+        # work of its own for every call: two threads may ask the same map
+        self._run(self._operations, held, self._constants, self._outputs, np.empty(self._size), result)
+        return result
+
 
 _AGAIN = 4
 """How often, on average, an operation may be walked through: sums that are used many times stay whole."""

@@ -185,18 +185,7 @@ class Map:
         """Build a map of CasADi SX expressions, or of MX ones that expand to SX; `parameters` are the other symbols by
         name, with their values. Raises ProblemError on an operator or a symbol that a map has not.
         """
-        from cpbench.formulations.expressions.from_casadi import read
-
-        return read(variables, outputs, parameters or {})
-
-    @classmethod
-    def from_sympy(
-        cls, variables: Sequence[Any], outputs: Sequence[Any], parameters: Mapping[str, float] | None = None
-    ) -> Map:
-        """Build a map of SymPy expressions in the symbols `variables`, and `parameters` by name; raises ProblemError as
-        `from_casadi`.
-        """
-        from cpbench.formulations.expressions.from_sympy import read
+        from cpbench.formulations.expressions.casadi_expressions import read
 
         return read(variables, outputs, parameters or {})
 
@@ -218,7 +207,7 @@ class Map:
 
     def sx(self, z: Any) -> Any:
         """Return F of a CasADi SX column z, as an SX column: to build further maps from."""
-        from cpbench.formulations.expressions.to_casadi import express
+        from cpbench.formulations.expressions.casadi_expressions import express
 
         return express(self, z)
 

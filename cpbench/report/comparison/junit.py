@@ -14,7 +14,7 @@ import pandas as pd
 from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.gates import WORST
 from cpbench.analysis.comparison.suites import Suite
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.report.comparison import words
 from cpbench.report.text import one_line
 

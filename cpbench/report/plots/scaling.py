@@ -12,7 +12,7 @@ import pandas as pd
 
 from cpbench.analysis import scaling
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.report import canvas, figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind

@@ -18,13 +18,14 @@ import argparse
 import dataclasses
 import json
 import os
+import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from cpbench import registry
 from cpbench.errors import CpbenchError
-from cpbench.foundation import toml_text
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external import declared
 from cpbench.solvers.external.command import PLACEHOLDERS
@@ -91,8 +92,36 @@ def _defaults(options: Any) -> dict[str, Any]:
 def as_toml(found: Tables) -> str:
     """Return the tables in a file that `--plugin` takes."""
     return "\n".join(
-        "\n".join([f"[solver.{toml_text.value(name)}]", *toml_text.lines(table), ""]) for name, table in found.items()
+        "\n".join([f"[solver.{toml_value(name)}]", *toml_lines(table), ""]) for name, table in found.items()
     )
+
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+"""Keys that TOML takes without quotes."""
+
+
+def toml_lines(table: Mapping[str, Any]) -> list[str]:
+    """Return keys of a table, a line each; a key that may not stand bare is quoted.
+
+    >>> toml_lines({"omega": 1.2, "a b": True, "": 3})
+    ['omega = 1.2', '"a b" = true', '"" = 3']
+    """
+    return [f"{key if _BARE.fullmatch(key) else toml_value(key)} = {toml_value(entry)}" for key, entry in table.items()]
+
+
+def toml_value(entry: Any) -> str:
+    """Return a value in TOML: texts are those of JSON save one character, a mapping is an inline table.
+
+    >>> toml_value([1e-6, "a\\nb", True]), toml_value({"A": float("inf"), "B": 3})
+    ('[1e-06, "a\\\\nb", true]', '{"A" = inf, "B" = 3}')
+    """
+    if isinstance(entry, Mapping):
+        return "{" + ", ".join(f"{toml_value(key)} = {toml_value(item)}" for key, item in entry.items()) + "}"
+    if isinstance(entry, list):
+        return f"[{', '.join(toml_value(item) for item in entry)}]"
+    if isinstance(entry, float):
+        return repr(float(entry))
+    return json.dumps(entry, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def main() -> None:

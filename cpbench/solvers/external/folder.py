@@ -12,8 +12,8 @@ import tempfile
 import weakref
 from pathlib import Path
 
-from cpbench.foundation import temporary
-from cpbench.foundation.temporary import EXCHANGE, TemporaryHome
+from cpbench.foundation import locks
+from cpbench.foundation.locks import EXCHANGE, TemporaryHome
 
 MEMORY = Path("/dev/shm")
 SMALL = 2**20
@@ -44,4 +44,4 @@ def _own(place: Path) -> Path:
 
 def remove_abandoned() -> None:
     """Delete what killed processes left in all places."""
-    temporary.remove_abandoned(EXCHANGE, MEMORY, Path(tempfile.gettempdir()))
+    locks.remove_abandoned(EXCHANGE, MEMORY, Path(tempfile.gettempdir()))

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.foundation.cones import project_rolling_cone
+from cpbench.foundation.cones import Cone, ProductCone, project_rolling_cone
 from cpbench.foundation.matrices import Dense, Sparse, Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 def projection_jacobian(K: ProductCone, x: Vector) -> Sparse:

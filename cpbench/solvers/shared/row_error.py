@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.defects import cone_defect
-from cpbench.foundation.cones import box_defect
+from cpbench.formulations.conic import cone_defect
+from cpbench.foundation.cones import Cone, ProductCone, box_defect
 from cpbench.foundation.matrices import Vector
-from cpbench.foundation.product_cones import Cone, ProductCone
 
 SMALL = 1e-3
 """A row is measured by no less than this share of the largest: a smaller one has its error from others, by rounding."""

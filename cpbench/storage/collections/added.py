@@ -15,19 +15,18 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from cpbench.errors import CpbenchError, FormatError
-from cpbench.foundation.plurals import counted, some_of
-from cpbench.foundation.temporary import TemporaryHome
+from cpbench.foundation.locks import TemporaryHome
+from cpbench.foundation.text import counted, some_of
 from cpbench.storage.collections.manifests import Manifest, manifest
 
 SUMS = "SHA256SUMS"
-POINTER = b"version https://git-lfs"
 _BLOCK, _SHOWN = 1 << 20, 5
 _TEMPORARY = "cpbench-collection-"
 
 
 @dataclass(frozen=True)
 class Found:
-    """Files of a set that are there, and the paths of those that are missing, changed, or Git-LFS pointers.
+    """Files of a set that are there, and the paths of those that are missing or changed.
 
     `size` is of all files that are there [bytes].
     """
@@ -36,7 +35,6 @@ class Found:
     files: tuple[str, ...]
     missing: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
-    pointers: tuple[str, ...] = ()
     size: int = 0
 
 
@@ -73,8 +71,8 @@ def add(known: Manifest, source: Path, *, force: bool = False) -> Found:
     A file is recognized by its name; files with that name and another content are refused together, with nothing
     written. Listed files that are not there are in `missing` of what is returned.
 
-    Raises FormatError where the set is there already (unless `force`), where files are wrong or Git-LFS pointers, or
-    where `source` has none of them.
+    Raises FormatError where the set is there already (unless `force`), where files are wrong, or where `source` has
+    none of them.
     """
     target = home() / known.name
     if not source.is_dir():
@@ -90,9 +88,15 @@ def add(known: Manifest, source: Path, *, force: bool = False) -> Found:
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = TemporaryHome(_TEMPORARY, target.parent)
     try:
-        sums, wrong, pointers = _copied(known, chosen, temporary.folder)
-        if pointers or wrong:
-            raise FormatError(source, "", _refusal(known, wrong, pointers))
+        sums, wrong = _copied(known, chosen, temporary.folder)
+        if wrong:
+            at = f" of commit {known.commit}" if known.commit else f" of {known.source}"
+            raise FormatError(
+                source,
+                "",
+                f"has {counted(len(wrong), 'file')} whose SHA-256 is not that of the manifest "
+                f"({some_of(wrong, _SHOWN)}): take those{at} (pointers: git lfs pull); nothing was added",
+            )
         lines = [f"{sums[name]}  {name}\n" for name in sorted(sums)]
         (temporary.folder / SUMS).write_text("".join(lines), encoding="utf-8")
         shutil.rmtree(target, ignore_errors=True)
@@ -115,29 +119,23 @@ def check(known: Manifest, *, content: bool = True) -> Found | None:
         return None
     wanted = _recorded(folder) | {name: listed.sha256 for name, listed in known.files.items()}
     there = [name for name in sorted(wanted) if (folder / name).is_file()]
-    changed, pointers = [], []
-    for name in there if content else ():
-        digest, head = _hashed(folder / name)
-        if digest != wanted[name]:
-            (pointers if head.startswith(POINTER) else changed).append(name)
+    changed = [name for name in (there if content else ()) if _hashed(folder / name) != wanted[name]]
     missing = tuple(name for name in wanted if name not in there)
     size = sum((folder / name).stat().st_size for name in there)
-    return Found(folder, tuple(there), missing, tuple(changed), tuple(pointers), size)
+    return Found(folder, tuple(there), missing, tuple(changed), size)
 
 
 def _chosen(known: Manifest, source: Path) -> dict[str, list[Path]]:
-    """Return the files below `source` that may be those of the set, by their path in the set, the likeliest first."""
-    by_name: dict[str, list[PurePosixPath]] = {}
+    """Return the files below `source` that may be those of the set by their names, by their path in the set."""
+    by_name: dict[str, list[Path]] = {}
     every = sorted(_files(source))
     for path in every:
-        by_name.setdefault(path.name, []).append(path)
+        by_name.setdefault(path.name, []).append(source / path)
     chosen: dict[str, list[Path]] = {}
     for name, listed in known.files.items():
-        wanted = PurePosixPath(known.folder, listed.origin)
-        found = {*by_name.get(wanted.name, ()), *by_name.get(PurePosixPath(name).name, ())}
-        if found:
-            ranked = sorted(found, key=lambda path: (-_shared_end(path, wanted), path))
-            chosen[name] = [source / path for path in ranked]
+        either = dict.fromkeys((PurePosixPath(listed.origin).name, PurePosixPath(name).name))
+        if found := [path for one in either for path in by_name.get(one, ())]:
+            chosen[name] = found
     for path in every:
         if any(fnmatch.fnmatchcase(path.name, pattern) for pattern in known.names):
             chosen.setdefault(str(path), [source / path])
@@ -153,55 +151,28 @@ def _files(source: Path) -> Iterator[PurePosixPath]:
                 yield PurePosixPath(Path(folder, name).relative_to(source).as_posix())
 
 
-def _shared_end(path: PurePosixPath, wanted: PurePosixPath) -> int:
-    """Return how many parts at their ends two paths have in common."""
-    pairs = list(zip(reversed(path.parts), reversed(wanted.parts), strict=False))
-    return next((i for i, (one, other) in enumerate(pairs) if one != other), len(pairs))
-
-
-def _copied(
-    known: Manifest, chosen: Mapping[str, Sequence[Path]], folder: Path
-) -> tuple[dict[str, str], list[Path], list[Path]]:
-    """Copy the files into a folder; return their hashes, those with another content, and those that are pointers."""
+def _copied(known: Manifest, chosen: Mapping[str, Sequence[Path]], folder: Path) -> tuple[dict[str, str], list[str]]:
+    """Copy the files into a folder; return their hashes, and the names of those of which none has the right content."""
     sums: dict[str, str] = {}
-    wrong: list[Path] = []
-    pointers: list[Path] = []
     for name, candidates in chosen.items():
         listed, to = known.files.get(name), folder / name
         to.parent.mkdir(parents=True, exist_ok=True)
         for path in candidates:
-            digest, head = _hashed(path, to)
-            if not head.startswith(POINTER) and (listed is None or digest == listed.sha256):
+            digest = _hashed(path, to)
+            if listed is None or digest == listed.sha256:
                 sums[name] = digest
                 break
-        else:
-            is_pointer = _hashed(candidates[0])[1].startswith(POINTER)
-            (pointers if is_pointer else wrong).append(candidates[0])
-    return sums, wrong, pointers
+    return sums, [candidates[0].name for name, candidates in chosen.items() if name not in sums]
 
 
-def _refusal(known: Manifest, wrong: Sequence[Path], pointers: Sequence[Path]) -> str:
-    """Say which files are pointers or have another content, and what to do; one line."""
-    said: list[str] = []
-    if pointers:
-        some = some_of([path.name for path in pointers], _SHOWN)
-        said.append(f"{counted(len(pointers), 'Git-LFS pointer')} in place of files ({some}): run 'git lfs pull' there")
-    if wrong:
-        at = f" of commit {known.commit}" if known.commit else f" of {known.source}"
-        some = some_of([path.name for path in wrong], _SHOWN)
-        said.append(f"{counted(len(wrong), 'file')} whose SHA-256 is not that of the manifest ({some}): take those{at}")
-    return f"has {'; '.join(said)}; nothing was added"
-
-
-def _hashed(path: Path, copy: Path | None = None) -> tuple[str, bytes]:
-    """Return the SHA-256 of a file and its first bytes, and copy it on the way. Raises OSError."""
-    digest, head = hashlib.sha256(), b""
+def _hashed(path: Path, copy: Path | None = None) -> str:
+    """Return the SHA-256 of a file, and copy it on the way. Raises OSError."""
+    digest = hashlib.sha256()
     with path.open("rb") as file, open(copy or os.devnull, "wb") as out:
         while block := file.read(_BLOCK):
-            head = head or block[: len(POINTER)]
             digest.update(block)
             out.write(block)
-    return digest.hexdigest(), head
+    return digest.hexdigest()
 
 
 def _recorded(folder: Path) -> dict[str, str]:

@@ -27,7 +27,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cpbench.errors import UnknownName
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 
 
 @dataclass(frozen=True)

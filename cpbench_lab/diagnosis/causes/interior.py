@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.linear import AVI
-from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.proofs.polyhedra import Polyhedron, conditions
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 

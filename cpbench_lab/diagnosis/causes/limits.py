@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.foundation import brackets
 from cpbench.foundation.matrices import Vector
+from cpbench.foundation.text import read_brackets
 from cpbench.solvers.base import Claim
 from cpbench.verification import Status
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
@@ -27,7 +27,7 @@ def iterations(case: FailedTrial) -> Cause | None:
     """Read from the residuals how many iterations are missing; ask for a hundred times as many."""
     if case.failed.raw.claim != Claim.MAX_ITER or case.failed.status == Status.TIMEOUT:
         return None
-    name, given = brackets.read("solver", case.trial.solver)
+    name, given = read_brackets("solver", case.trial.solver)
     options = case.trial.named[1]
     limits = {
         field.name: getattr(options, field.name)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from cpbench import proofs
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench.proofs.certificates import Infeasible, Unbounded
 from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import floor_of

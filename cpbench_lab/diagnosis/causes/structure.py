@@ -11,7 +11,7 @@ from cpbench.formulations import MLCP
 from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench_lab import facts
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench_lab.diagnosis.scaled import scaled

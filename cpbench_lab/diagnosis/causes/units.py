@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.text import counted
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench_lab.diagnosis.even_masses import even_masses
 from cpbench_lab.diagnosis.scaled import scaled
