@@ -3,9 +3,9 @@
 The repeats of a solve give samples of its time (conversion, set-up and lift added). The ratio of a pair is that of the
 geometric means of its samples, its range from the least of the new ones over the largest of the base to the largest
 over the least. Repeats follow one another within milliseconds: they share whatever the machine did at that moment, and
-say nothing of the next. So one pair decides by its time only where all repeats of one side are beyond all of the other,
-the ratio is beyond the factor by which equal pairs stray (`noise.Noise`), and the processor's time, which other
-programs do not lengthen, moved with it; otherwise it takes the pairs together (`suites`).
+say nothing of the next. So one pair decides by its time only where all repeats of one side are beyond all of the other
+by more than the factor by which equal pairs stray (`noise.Noise`), and the processor's time, which other programs do
+not lengthen, moved with it; otherwise it takes the pairs together (`suites`).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise) -> 
     processor = np.log(np.divide(after, before, out=np.full(len(pairs), math.nan), where=measured))
     log = np.log(ratio)
     agrees = processor * np.sign(log) >= np.abs(log) / 2
-    decisive = (significant != 0) & (np.abs(log) > math.log(noise.strays)) & agrees
+    decisive = ((low > noise.strays) | (high < 1 / noise.strays)) & agrees
     within = comparable & (low >= 1 / (1 + noise.delta)) & (high <= 1 + noise.delta)
     verdict = np.full(len(pairs), UNDECIDED, dtype=object)
     verdict[comparable] = str(PairVerdict.INCONCLUSIVE)
