@@ -135,7 +135,7 @@ def test_a_report_says_where_problems_are_from(tmp_path: Path) -> None:
         for name, problem in problems.items()
     ]
     path = results_file(tmp_path / "r.sqlite", table(*rows))
-    reports.report_file(path, tmp_path / "out", "t", None, None)
+    reports.report_file(path, tmp_path / "out", "t", None)
     text = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert re.findall(r"<td>a lecture; Acary 2024</td>\s*<td>CC0-1.0</td>", text)
     assert text.count("<td>not given</td>") == 2 * 3
