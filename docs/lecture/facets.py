@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from cpbench import FrictionContact, make
 from cpbench.foundation.matrices import Vector, norm
 from cpbench.report import canvas
-from cpbench_lab.figures.facet_errors import FAST, bounds, faceted_slide
-from cpbench_lab.pictures import facets as picture
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text
 from lecture.conversions import data, shown, trips
 from lecture.numerics.examples import problems
+from lecture.numerics.facet_errors import FAST, FacetedSlide, bounds, faceted_slide
 from lecture.numerics.friction import outer_law
 from lecture.numerics.round_trips import answer, round_trip
 
@@ -148,9 +150,11 @@ def _price() -> tuple[Block, ...]:
         )
         for slide in slides
     ]
-    alt = "Friction against the direction of sliding for polygons, and errors that fall with the number of facets"
+    alt = "Friction against the direction of sliding for polygons, which is a circle for the disk"
     with canvas.drawing():
-        drawn = svg.inline(picture.draw(facets=COUNTS).figure, "fig-facets", alt)
+        figure = canvas.page(canvas.COLUMN, 3.3)
+        _rose(figure.add_axes((0.045, 0.06, 0.9, 0.84), projection="polar"), slides)
+        drawn = svg.inline(figure, "fig-facets", alt)
     return (
         Heading("The price: directions"),
         text(
@@ -167,10 +171,7 @@ def _price() -> tuple[Block, ...]:
         ),
         Figure(
             drawn,
-            text(
-                "Left: friction against the sliding, by its direction; the grey circle is Coulomb's. Right: both "
-                "errors against $\\nu$, measured (marks) and bounded (lines). Solid: inner; dashed: outer."
-            ),
+            text("Friction against the sliding, by its direction, of inner facets; the grey circle is Coulomb's."),
             alt,
         ),
         aside(
@@ -186,11 +187,30 @@ def _price() -> tuple[Block, ...]:
             (
                 "cpbench solve problems.h5::sliding --solver lemke --via 'inner[facets=16]'",
                 "cpbench convert problems.h5::sliding sliding-as-lcp.h5 --to lcp --via 'inner[facets=8]'",
-                "cpbench plot facets --facets 4,8,16 -o facets.svg",
                 "cpbench solve problems.h5::plane --solver lemke",
             )
         ),
     )
+
+
+def _rose(axes: Any, slides: Sequence[FacetedSlide]) -> None:
+    """Draw the friction against the sliding by the direction of sliding, of the three smallest numbers of facets."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    axes.plot(turn, np.ones_like(turn), color="#BDBDBD", linewidth=3.5, zorder=1)
+    for place, (slide, colour) in enumerate(zip(slides, (canvas.RED, canvas.BLUE, canvas.INK), strict=False)):
+        half = np.radians(slide.direction)
+        angle = np.concatenate([half, half + np.pi, half[:1] + 2.0 * np.pi])
+        value = np.concatenate([slide.resistance, slide.resistance, slide.resistance[:1]])
+        axes.plot(angle, value, color=colour, linewidth=1.3, zorder=4 - place)
+        look = {"fontsize": 8, "fontweight": "bold", "ha": "center", "bbox": canvas.PLATE, "zorder": 9}
+        axes.text(0.5, 0.64 - 0.075 * place, f"ν = {slide.facets}", color=colour, transform=axes.transAxes, **look)
+    axes.set_ylim(0.0, 1.15)
+    axes.set_yticks([0.5, 1.0])
+    axes.set_yticklabels(["½", ""])
+    axes.set_xticks(np.radians(np.arange(0, 360, 45)))
+    axes.tick_params(pad=-2)
+    axes.grid(color="#E2E2E2", linewidth=0.6)
+    axes.spines["polar"].set_visible(False)
 
 
 def _polygons(problem: FrictionContact) -> Figure:

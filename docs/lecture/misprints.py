@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import FrictionContact
-from cpbench_lab.figures import ncp_functions as ncp
 from lecture import cells
 from lecture.blocks import Section, table, text
+from lecture.numerics import ncp_functions as ncp
 from lecture.numerics.examples import problems
 from lecture.numerics.examples.nonlinear import program_14
 from lecture.numerics.friction import direct_law, outer_law

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cpbench.foundation.matrices import Dense
 from cpbench.report import canvas
-from cpbench_lab.figures import ncp_functions as ncp
-from cpbench_lab.pictures import ncp_functions as picture
 from lecture import cells, solvable, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text
+from lecture.numerics import ncp_functions as ncp
 from lecture.numerics.examples.nonlinear import hock_schittkowski_14, hump, kojima_shindo
 from lecture.numerics.inequalities import distance_to_normal_cone
 from lecture.numerics.newton import (
@@ -20,6 +21,9 @@ from lecture.numerics.newton import (
     least_singular_value,
     merit_slice,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 STARTS = (np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.9, 0.1, 2.8, 0.1]))
 """From the first one methods come to the degenerate solution, from the second one to the other."""
@@ -147,20 +151,44 @@ def _merit() -> tuple[Block, ...]:
             "which gives convergence from afar and quadratic convergence near by[^facchinei]."
         ),
         _slices(),
-        Try(("cpbench plot ncp-functions -o ncp-functions.svg", "cpbench list solvers")),
+        Try(("cpbench list solvers",)),
     )
 
 
 def _panels() -> Figure:
-    """The picture of `cpbench plot ncp-functions`."""
+    """The four functions over the plane of w and z, with one colour scale, and the lines where they are 0."""
     alt = "Level lines of the four functions over the plane of w and z"
     with canvas.drawing():
-        drawn = svg.inline(picture.draw().figure, "fig-ncp", alt, follow=False)
+        figure = canvas.page(canvas.COLUMN, 3.75)
+        side = np.linspace(-2.0, 2.0, 401)  # odd, so that the axes w = 0 and z = 0 are among the samples
+        w, z = np.meshgrid(side, side)
+        for k, function in enumerate(ncp.functions()):
+            axes = figure.add_axes((0.115 + 0.455 * (k % 2), 0.565 - 0.475 * (k // 2), 0.4, 0.3733))
+            _panel(axes, function, w, z)
+            if function.equation == "(38)":
+                printed, dashed = ncp.smooth_as_printed(w, z), [(0, (3, 2))]
+                axes.contour(w, z, printed, [0.0], colors=canvas.RED, linewidths=1.2, linestyles=dashed)
+                axes.text(-1.9, -1.85, "(38) as printed", color="#A34700", fontsize=6.8, va="bottom", bbox=canvas.PLATE)
+            axes.set_xlabel("$w$", labelpad=1) if k >= 2 else axes.tick_params(labelbottom=False)
+            axes.set_ylabel("$z$", labelpad=-3) if k % 2 == 0 else axes.tick_params(labelleft=False)
+        drawn = svg.inline(figure, "fig-ncp", alt, follow=False)
     return Figure(
         drawn,
         text("Heavy: where $\\psi=0$, the two half axes. Dashed red: the zeros of (38) as it is printed."),
         alt,
     )
+
+
+def _panel(axes: Axes, function: ncp.NCPFunction, w: Dense, z: Dense) -> None:
+    value = function.psi(w, z)
+    shade = np.sign(value) * np.sqrt(np.abs(value))  # small values near the zeros are distinguished
+    axes.pcolormesh(w, z, shade, cmap="RdBu", vmin=-3.5, vmax=3.5, shading="gouraud", rasterized=True, alpha=0.75)
+    axes.contour(w, z, value, (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0), colors="#555555", linewidths=0.5)
+    axes.contour(w, z, value, [0.0], colors=canvas.INK, linewidths=2.2)
+    axes.set_aspect("equal")
+    axes.set_xticks([-2, -1, 0, 1, 2])
+    axes.set_yticks([-2, -1, 0, 1, 2])
+    axes.set_title(f"{function.equation} {function.name}", fontsize=7.5, pad=3, loc="left")
 
 
 def _race(paths: Mapping[str, list[Iterate]]) -> Figure:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench_lab.figures import ncp_functions as ncp
 from lecture import cells
 from lecture.blocks import Block, Heading, Try, table, text
 from lecture.conversions import by_solvers, shown, trips
+from lecture.numerics import ncp_functions as ncp
 from lecture.numerics.examples.maps import converted, four_unknowns
 from lecture.numerics.round_trips import outcome
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import fields, is_dataclass
 from html.parser import HTMLParser
@@ -16,13 +17,13 @@ from lecture.markup import inline, section
 from lecture.mathml import mathml
 from lecture.numerics import examples, friction, newton
 from lecture.numerics.examples import maps, nonlinear
+from lecture.numerics.facet_errors import bounds, faceted_slide
 from lecture.numerics.round_trips import answer, outcome, round_trip
 
 from cpbench.cli import cli
 from cpbench.conversions.base import conversions
 from cpbench.formulations.base import Kind
 from cpbench.formulations.expressions import infix
-from cpbench_lab.figures.facet_errors import faceted_slide
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,19 @@ def test_facet_table_shows_the_errors_that_solving_gives(html):
     for count, angle in ((4, "44.5"), (8, "22"), (16, "11"), (64, "2.75")):
         assert numbers.number(faceted_slide("inner", count).largest_slip_angle, 3) == angle
         assert re.search(rf'<th scope="row">{count}</th><td><data>{re.escape(angle)}</data></td>', html)
+
+
+@pytest.mark.parametrize("side", ["inner", "outer"])
+@pytest.mark.parametrize("facets", [4, 6, 10])
+def test_resistance_is_the_support_function_of_the_polygon(side: str, facets: int) -> None:
+    """Over a polygon with corners c the friction at full sliding is max cᵀt: the corners made here, not by the edge."""
+    slide = faceted_slide(side, facets, mu=0.7, step=7.5)
+    start, radius = (0.0, 1.0) if side == "inner" else (math.pi / facets, 1 / math.cos(math.pi / facets))
+    turn = start + 2 * math.pi / facets * np.arange(facets)
+    t = np.radians(slide.direction)
+    expected = (radius * np.cos(t[:, None] - turn[None, :])).max(axis=1)
+    np.testing.assert_allclose(slide.resistance, expected, atol=1e-4)
+    assert slide.radius_error <= bounds(np.array(float(facets)))[side] * (1 + 1e-4)
 
 
 class _Page(HTMLParser):

@@ -22,10 +22,8 @@ from cpbench.errors import CpbenchError, NotApplicable, PointError, ProblemError
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LCPPoint, QPPoint
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, find, summaries
-from cpbench_lab.figures import ncp_functions as ncp
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_lab.figures.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
-from cpbench_lab.figures.facet_errors import bounds, faceted_slide
 from cpbench_lab.pictures.sparsity import coarsened
 
 PICTURES = "cpbench_lab.pictures"
@@ -189,7 +187,7 @@ def test_wrong_answers_stay_in_the_picture(address: str, rng: np.random.Generato
     assert "Outside are " in drawing.guide
 
 
-# --- cone and facets ------------------------------------------------------------------------------------------------
+# --- cone -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -226,47 +224,6 @@ def test_angles_keep_their_digits(degrees: float) -> None:
         degrees, abs=1e-12
     )
     assert math.isnan(angle_between(np.zeros(2), np.ones(2)))
-
-
-@pytest.mark.parametrize(("facets", "angle"), [(4, 44.5), (8, 22.0), (16, 11.0), (64, 2.75)])
-def test_slip_angles_of_inner_facets(facets: int, angle: float) -> None:
-    """The figures of the lecture page; at directions every half degree, where both neighbours tie left out."""
-    slide = faceted_slide("inner", facets)
-    assert slide.largest_slip_angle == pytest.approx(angle, abs=0.01)
-    grid = np.arange(0.0, 180.0, 0.5)
-    nearest = np.abs((grid + 180.0 / facets) % (360.0 / facets) - 180.0 / facets)
-    tie = np.isclose(nearest, 180.0 / facets)
-    assert nearest[~tie].max() == angle
-    np.testing.assert_allclose(slide.slip_angle[~tie], nearest[~tie], atol=0.01)
-
-
-@pytest.mark.parametrize("side", ["inner", "outer"])
-@pytest.mark.parametrize("facets", [4, 6, 10])
-def test_resistance_is_the_support_function_of_the_polygon(side: str, facets: int) -> None:
-    """Over a polygon with corners c the friction at full sliding is max cᵀt: the corners made here, not by the edge."""
-    slide = faceted_slide(side, facets, mu=0.7, step=7.5)
-    start, radius = (0.0, 1.0) if side == "inner" else (math.pi / facets, 1 / math.cos(math.pi / facets))
-    turn = start + 2 * math.pi / facets * np.arange(facets)
-    t = np.radians(slide.direction)
-    expected = (radius * np.cos(t[:, None] - turn[None, :])).max(axis=1)
-    np.testing.assert_allclose(slide.resistance, expected, atol=1e-4)
-    assert slide.radius_error <= bounds(np.array(float(facets)))[side] * (1 + 1e-4)
-
-
-def test_facets_are_drawn_from_what_was_measured() -> None:
-    figure = drawn("facets", facets=(4, 8)).figure
-    _, upper, lower = figure.axes
-    marks = {line.get_marker(): line.get_ydata() for line in upper.lines if line.get_linestyle() == "None"}
-    half = math.pi / np.array([4, 8])
-    np.testing.assert_allclose(marks["o"], 1 - np.cos(half), atol=1e-4)
-    np.testing.assert_allclose(marks["D"], 1 / np.cos(half) - 1, atol=1e-4)
-    angles = {line.get_marker(): line.get_ydata() for line in lower.lines if line.get_linestyle() == "None"}
-    np.testing.assert_allclose(angles["o"], [44.5, 22.0], atol=0.01)
-
-
-def test_a_contact_without_friction_has_no_facets() -> None:
-    with pytest.raises(ProblemError, match="mu = 0"):
-        faceted_slide("inner", 4, mu=0.0)
 
 
 # --- LCP ------------------------------------------------------------------------------------------------------------
@@ -370,41 +327,6 @@ def test_the_plane_is_drawn_whatever_the_matrix(M: list[list[float]], q: list[fl
     ET.parse(tmp_path / "x.svg")
 
 
-# --- NCP functions --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("weight", [0.1, 0.5, 0.9])
-def test_ncp_functions_vanish_exactly_on_the_two_half_axes(weight: float) -> None:
-    side = np.linspace(-3, 3, 61)
-    w, z = np.meshgrid(side, side)
-    wanted = (np.minimum(w, z) == 0) & (np.maximum(w, z) >= 0)
-    for function in ncp.functions(weight):
-        np.testing.assert_array_equal(np.abs(function.psi(w, z)) < 1e-12, wanted, err_msg=function.equation)
-
-
-@pytest.mark.parametrize(
-    ("at", "values"),
-    [((3.0, 4.0), (3.0, -2.0, -7.0, 12.0)), ((-1.0, -1.0), (-1.0, 2 + 2**0.5, 1 + 0.5**0.5, -1.0))],
-)
-def test_ncp_functions_by_hand(at: tuple[float, float], values: tuple[float, ...]) -> None:
-    w, z = map(np.array, at)
-    assert [float(f.psi(w, z)) for f in ncp.functions(0.5)] == pytest.approx(values, abs=1e-15)
-
-
-def test_the_printed_38_is_no_ncp_function() -> None:
-    """MATH.md: zero at w = −1, z = 2 − √3."""
-    assert abs(ncp.smooth_as_printed(np.array(-1.0), np.array(2 - math.sqrt(3)))) < 1e-15
-    assert abs(ncp.smooth(np.array(-1.0), np.array(2 - math.sqrt(3)))) > 0.1
-
-
-def test_zero_sets_are_the_half_axes_in_the_figure() -> None:
-    for axes in drawn("ncp-functions").figure.axes:
-        zero = next(c for c in axes.collections if len(getattr(c, "levels", ())) == 1)
-        corners = np.vstack([path.vertices for path in zero.get_paths() if len(path.vertices)])
-        assert np.abs(corners.min(axis=1)).max() < 0.02
-        assert corners.max() == 2.0
-
-
 # --- active sets and structure --------------------------------------------------------------------------------------
 
 
@@ -458,7 +380,7 @@ def test_structure_has_a_panel_a_matrix_in_its_place() -> None:
 
 def test_every_kind_tells_what_it_shows() -> None:
     told = summaries(PICTURES)
-    assert set(told) == {"cone", "facets", "contact", "lcp-cones", "ncp-functions", "active-set", "sparsity"}
+    assert set(told) == {"cone", "contact", "lcp-cones", "active-set", "sparsity"}
     said = run("plot", "--help").output
     assert all(name in said and line.endswith(".") for name, line in told.items())
     assert PICTURES in packages()
@@ -509,7 +431,7 @@ def test_long_names_are_broken_and_formulas_are_not() -> None:
 def test_words_below_a_figure_stay_within_it(tmp_path: Path) -> None:
     """Digits and signs are wider than letters."""
     with canvas.drawing():
-        drawn = find("cpbench_lab.pictures", "ncp-functions").draw()
+        drawn = find("cpbench_lab.pictures", "cone").draw()
         wide = Drawing(drawn.figure, "W" * 30 + " 1×1", "M: n×n = 150×150, " * 9 + r"$\mu r_\mathrm{N} = 0$ " * 9)
         canvas.write(wide, tmp_path / "x.png")
         renderer = drawn.figure.canvas.get_renderer()
@@ -538,16 +460,12 @@ def test_bare_figures_are_smaller(tmp_path: Path) -> None:
             (("cone", "--contact", "3"), "there is no contact 3; there are 1"),
             (("cone", "--facets", "5"), "opposite pairs"),
             (("cone", "--answer", "r.npy"), "give its FILE too"),
-            (("facets", f"{PLANTED}::frictionless-10"), "mu = 0"),
-            (("facets", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
-            (("facets", "--facets", "4,7"), "7"),
             (("contact",), "Missing argument 'FILE'"),
             (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "zz"), "one of xy, xz, yz"),
             (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "xy"), "no positions"),
             (("contact", "builtin/lcp/lcp-planted.h5::spd-20"), "has no contacts"),
             (("lcp-cones", "builtin/lcp/lcp-classics.h5::murty-10"), "n = 2, this lcp has n = 10"),
             (("lcp-cones", f"{PLANTED}::one-open"), "this is fc"),
-            (("ncp-functions", "--weight", "1"), "between 0 and 1"),
             (("active-set", "builtin/lcp/american-put.h5::american-put-100"), "give an answer with --answer FILE"),
             (("active-set", f"{PLANTED}::one-open"), "not of fc"),
             (("active-set", "builtin/lcp/lcp-planted.h5::spd-20", "--tolerance", "2"), "between 0 and 1"),

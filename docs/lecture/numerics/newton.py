@@ -8,7 +8,7 @@ import numpy as np
 
 from cpbench import MLCP, CpbenchError
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench_lab.figures import ncp_functions as ncp
+from lecture.numerics import ncp_functions as ncp
 from lecture.numerics.examples.nonlinear import NonlinearExample
 from lecture.numerics.round_trips import answer
 
