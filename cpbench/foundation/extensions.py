@@ -5,7 +5,7 @@ Groups of entry points, and what stands behind a name in each:
 - ``cpbench.plugins``: a module that registers solvers, conversions, formats and the like when it is imported
   (`cpbench.registry` loads it);
 - ``cpbench.commands``: a click command of the command line. The first paragraph of its module's docstring is its help.
-  A name as ``results.bundle`` is one of the group ``cpbench results``;
+  A name as ``results.NAME`` is one of the group ``cpbench results``;
 - ``cpbench.functions``: a function or class, offered as ``cpbench.NAME``;
 - ``cpbench.hooks``: a function that cpbench's own commands call, as ``doctor --node`` does;
 - ``cpbench.executors``: a module that connects a run to other machines (`bench/run`);

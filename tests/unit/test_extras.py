@@ -11,7 +11,7 @@ from pathlib import Path
 from cpbench.solvers import solvers
 
 PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
-OTHER_NAMES = {"pin": "pinocchio", "drake": "pydrake", "sip-qp-python": "sip_qp_python", "Mosek": "mosek"}
+OTHER_NAMES = {"pin": "pinocchio", "drake": "pydrake", "sip-qp-python": "sip_qp_python"}
 """Packages that are imported by another name than they are installed by."""
 BLOCKED = """
 import sys

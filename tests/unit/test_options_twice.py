@@ -66,7 +66,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
 @pytest.mark.needs("cpbench_lab")
 def test_the_tree_is_walked() -> None:
     """The commands of README, those of packages, and the nested ones."""
-    assert {"cpbench run", "cpbench plot", "cpbench results bundle"} <= COMMANDS.keys()
+    assert {"cpbench run", "cpbench plot", "cpbench results merge"} <= COMMANDS.keys()
     assert len(OPTIONS) > 180
 
 
