@@ -4,7 +4,6 @@
 bound that its module states; beyond it a fact is `not decided`, with the reason.
 """
 
-from cpbench_lab.facts.copositivity import copositivity
 from cpbench_lab.facts.fact import Fact, How
 from cpbench_lab.facts.problem import of_matrix, of_problem
 from cpbench_lab.facts.sign_classes import m_matrix, p_matrix, z_matrix
@@ -13,7 +12,6 @@ from cpbench_lab.facts.spectrum import definiteness, rank, symmetry
 __all__ = [
     "Fact",
     "How",
-    "copositivity",
     "definiteness",
     "m_matrix",
     "of_matrix",

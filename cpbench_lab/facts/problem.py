@@ -11,7 +11,6 @@ from cpbench.formulations import MLCP, Problem
 from cpbench.formulations.contact import ContactProblem, DelassusContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import PSD_TOLERANCE, Matrix
-from cpbench_lab.facts.copositivity import copositivity
 from cpbench_lab.facts.fact import Fact, How, decided
 from cpbench_lab.facts.sign_classes import m_matrix, p_matrix, z_matrix
 from cpbench_lab.facts.spectrum import SCALED, definiteness, rank, symmetry
@@ -40,9 +39,7 @@ def of_problem(problem: Problem) -> tuple[Fact, ...]:
 
 
 def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool = True) -> list[Fact]:
-    """Decide rank, and for a square matrix symmetry and definiteness; with `classes` also Z, M, P,
-    copositive(-plus).
-    """
+    """Decide rank, and for a square matrix symmetry and definiteness; with `classes` also Z, M, P."""
     if square is None:
         square = M.shape[0] == M.shape[1]
     if not square:
@@ -51,7 +48,7 @@ def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool
     result = [symmetry(M, name), known, rank(M, name, known=known)]
     if classes:
         p = p_matrix(M, name, known)
-        result += [z_matrix(M, name), m_matrix(M, name, p), p, *copositivity(M, name, known)]
+        result += [z_matrix(M, name), m_matrix(M, name, p), p]
     return result
 
 

@@ -1,8 +1,8 @@
 """Symmetry, definiteness and rank, by what the size allows.
 
-A sparse matrix is taken apart into the connected components of its graph first: a mass matrix or the operator of
-separate contacts is decided body by body. Large components are factored when their bandwidth promises that it is
-cheap; otherwise a bounded number of products with the matrix gives an estimate.
+Small matrices have their eigenvalues or singular values computed. Large ones are factored when their bandwidth promises
+that it is cheap, as that of separate bodies does; otherwise a bounded number of products with the matrix gives an
+estimate.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from cpbench.foundation.matrices import (
     all_pivots_positive,
     factor_on_diagonal,
 )
-from cpbench_lab.facts.components import EIGEN_LIMIT, eigenvalues, singular_values
 from cpbench_lab.facts.fact import Fact, How, undecided
 
+EIGEN_LIMIT = 1000
+"""Largest matrix whose eigenvalues or singular values are computed (under a second)."""
 CHOLESKY_LIMIT = 4000
 """Largest dense matrix that is factored."""
 SPARSE_WORK = 2e10
@@ -60,8 +61,8 @@ def definiteness(M: Matrix, name: str) -> Fact:
         S: Any = matrices.unit_diagonal(M)
     if not np.isfinite(matrices.max_abs(S)):
         return undecided(label, name, f"entries overflow {SCALED}")
-    values = eigenvalues(S)
-    if values is not None:
+    if n <= EIGEN_LIMIT:
+        values = np.linalg.eigvalsh(matrices.dense(S))
         rounding = n * EPS * float(np.abs(values).max())
         word = _word(float(values.min()), float(values.max()), rounding, tolerance)
         limit = rounding if word == "positive definite" else tolerance
@@ -108,8 +109,8 @@ def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
         return Fact(label, name, 0, How.EXACT, evidence="no nonzero entry")
     if known is not None and known.value == "positive definite":
         return Fact(label, name, full, known.how, evidence="full, the symmetric part is positive definite")
-    values = singular_values(M)
-    if values is not None:
+    if float(rows) * cols * full <= EIGEN_LIMIT**3:
+        values = np.linalg.svd(matrices.dense(M), compute_uv=False)
         tolerance = max(rows, cols) * EPS * float(values.max())
         kept = values[values > tolerance]
         if not kept.size:  # the matrix is not 0, so that the largest is not a finite number

@@ -22,7 +22,6 @@ from cpbench.formulations.expressions import Builder
 from cpbench.foundation import matrices
 from cpbench_lab import facts
 from cpbench_lab.facts import How
-from cpbench_lab.facts.copositivity import simplex_minima
 from cpbench_lab.facts.fact import Fact, decided, undecided
 from cpbench_lab.facts.sign_classes import exact_minor, least_ratio
 from cpbench_problems.generators.lcp_classics import csizmadia, fathi, murty
@@ -49,27 +48,6 @@ def _brute_p(M: np.ndarray) -> bool:
     )
 
 
-def _brute_copositive(M: np.ndarray) -> bool:
-    """Hadeler's criterion (On copositive matrices, Linear Algebra Appl. 49, 1983): no principal submatrix has a
-    negative determinant and a nonnegative column x of the adjugate (then Bx = det·e, and xᵀBx ≤ 0 goes below 0)."""
-    S = M + M.T
-    n = len(S)
-    for size in range(1, n + 1):
-        for rows in combinations(range(n), size):
-            B = S[np.ix_(rows, rows)]
-            if round(np.linalg.det(B)) >= 0:
-                continue
-            for last in range(size):
-                others = [k for k in range(size) if k != last]
-                column = [
-                    (-1) ** (i + last) * np.linalg.det(B[np.ix_([k for k in range(size) if k != i], others)])
-                    for i in range(size)
-                ]
-                if min(np.round(column)) >= 0:
-                    return False
-    return True
-
-
 @settings(max_examples=300, deadline=None)
 @given(small_matrices)
 def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
@@ -78,15 +56,6 @@ def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
     assert found.how is How.EXACT
     transposed = facts.p_matrix(sp.csr_array(M.T), "M", facts.definiteness(M, "M"))
     assert transposed.value == found.value
-
-
-@pytest.mark.nightly
-@settings(max_examples=300, deadline=None)
-@given(small_matrices)
-def test_copositivity_is_that_of_hadelers_criterion(M: np.ndarray) -> None:
-    copositive, plus = facts.copositivity(M, "M", facts.definiteness(M, "M"))
-    assert copositive.value == _brute_copositive(M)
-    assert plus.value in ((True, False) if copositive.value else (False,))
 
 
 @pytest.mark.nightly
@@ -119,17 +88,6 @@ def test_definiteness_and_rank_are_those_of_numpy(M: np.ndarray, sparse: bool) -
     assert facts.rank(sp.csr_array(M) if sparse else M, "M").value == np.linalg.matrix_rank(M)
 
 
-@settings(max_examples=100, deadline=None)
-@given(small_matrices)
-def test_least_value_on_the_simplex_is_not_above_any_sample(M: np.ndarray) -> None:
-    S = (M + M.T) / 2
-    X, values = simplex_minima(S)
-    assert np.allclose(X.sum(axis=1), 1)
-    assert (X >= 0).all()
-    samples = np.random.default_rng(1).dirichlet(np.full(len(S), 0.5), 200)
-    assert values.min() <= np.einsum("ki,ij,kj->k", samples, S, samples).min() + 1e-12
-
-
 def test_classes_of_named_matrices() -> None:
     """Murty's P (Math. Prog. 7, 1978), Fathi's SPD (Math. Prog. 17, 1979), Csizmadia's P; and small known ones."""
     for n in (5, 10, 17, 60):
@@ -138,28 +96,17 @@ def test_classes_of_named_matrices() -> None:
         assert _value(found, "P-matrix") is True  # lower triangular: every block has one row, whatever n
         assert _value(found, "Z-matrix") is False
         assert _value(found, "symmetry") is False
-        assert _value(found, "copositive-plus") is True  # M + Mᵀ = 2eeᵀ
         found = facts.of_matrix(fathi(n).problem.M, "M")
         assert _value(found, "definiteness") == "positive definite"
         assert _value(found, "P-matrix") is True
         found = facts.of_matrix(csizmadia(n).problem.M, "M")
         assert _value(found, "P-matrix") is True
         assert _value(found, "M-matrix") is True
-    # Horn's form, copositive and neither PSD nor nonnegative nor a sum of such (Hall and Newman 1963)
-    H = np.array([[1, -1, 1, 1, -1], [-1, 1, -1, 1, 1], [1, -1, 1, -1, 1], [1, 1, -1, 1, -1], [-1, 1, 1, -1, 1.0]])
-    found = facts.of_matrix(H, "H")
-    assert _value(found, "copositive") is True
-    assert _value(found, "copositive-plus") is False  # (1,1,0,0,0) is a zero, HX = (0,0,0,2,0)
-    assert _value(found, "definiteness") == "indefinite"
-    assert _value(facts.of_matrix(H - 1e-3 * np.eye(5), "H"), "copositive") is False
     # Cottle, Pang, Stone 1992, section 3.3: P, but xᵀMx < 0 at (1, 1)
     found = facts.of_matrix(np.array([[1.0, -3], [0, 1]]), "M")
     assert _value(found, "P-matrix") is True
     assert _value(found, "definiteness") == "indefinite"
-    assert _value(found, "copositive") is False
-    # row sufficient, strictly copositive and no P-matrix
     found = facts.of_matrix(np.array([[1.0, 2], [2, 1]]), "M")
-    assert _value(found, "copositive-plus") is True
     assert _value(found, "P-matrix") is False
 
 
@@ -264,21 +211,6 @@ def test_beyond_every_limit_a_fact_is_an_estimate_or_not_decided() -> None:
     assert facts.rank(thin, "H").value == 20
 
 
-def test_facets_make_a_copositive_matrix() -> None:
-    """W PSD makes the LCP of inner facets copositive (Stewart and Trinkle 1996, Anitescu and Potra 1997), not plus."""
-    from cpbench.conversions.base import make
-
-    rng = np.random.default_rng(7)
-    J = rng.standard_normal((18, 12))
-    problem = FrictionContact(W=J @ J.T, q=rng.standard_normal(18), mu=np.full(6, 0.4), dimension=3)
-    M = make("fc-lcp-inner", {"facets": 6}).step(problem).M
-    found = facts.of_matrix(M, "M")
-    assert _value(found, "copositive") is True
-    assert _value(found, "copositive-plus") is False
-    assert _value(found, "definiteness") == "indefinite"
-    assert _value(found, "P-matrix") is False
-
-
 def test_facts_of_problems() -> None:
     J = np.random.default_rng(0).standard_normal((9, 4))
     contact = FrictionContact(W=J @ J.T, q=np.zeros(9), mu=[0.0, 0.3, 0.0], dimension=3)
@@ -348,11 +280,11 @@ def test_facts_agree_with_what_obstacles_ask() -> None:
 
 
 def test_subnormal_entries_are_judged_in_their_own_units() -> None:
-    """diag(1e-309, 1) and (1e-310) are positive definite by definition, and so a P-matrix and strictly copositive."""
+    """diag(1e-309, 1) and (1e-310) are positive definite by definition, and so a P-matrix."""
     for M in (np.diag([1e-309, 1.0]), np.array([[1e-310]]), np.diag([5e-324, 1.0])):
         found = {fact.name: fact for fact in facts.of_problem(LCP(M=M, q=np.zeros(len(M))))}
         assert found["definiteness"].value == "positive definite"
-        assert (found["rank"].value, found["P-matrix"].value, found["copositive"].value) == (len(M), True, True)
+        assert (found["rank"].value, found["P-matrix"].value) == (len(M), True)
     indefinite = facts.of_problem(LCP(M=np.diag([-1e-309, 1.0]), q=np.zeros(2)))
     assert {fact.name: fact.value for fact in indefinite}["definiteness"] == "indefinite"
 
@@ -371,7 +303,7 @@ def test_subnormal_entries_are_judged_in_their_own_units() -> None:
 def test_no_fact_rests_on_a_number_that_is_none(M: list[list[float]]) -> None:
     for fact in facts.of_problem(LCP(M=M, q=np.zeros(2))):
         assert fact.number is None or not np.isnan(fact.number), str(fact)
-        if fact.name in ("definiteness", "copositive", "copositive-plus"):
+        if fact.name == "definiteness":
             assert fact.value is None, str(fact)
 
 
