@@ -29,7 +29,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.run import Executor, execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
-from cpbench.errors import CpbenchError, FormatError, UnknownName
+from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations import LCP
 from cpbench.generators.collection import write_collections
 from cpbench_lab.cluster import connect, executor
@@ -247,11 +247,9 @@ def test_a_run_whose_scheduler_dies_goes_on_without_it(loopback: Loopback) -> No
 
 
 @pytest.fixture(scope="module")
-def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExecutor]:
-    """Two processes, as a file describes them."""
-    file = tmp_path_factory.mktemp("local") / "cluster.toml"
-    file.write_text('cluster = "local"\njobs = 2\n[arguments]\nhost = "127.0.0.1"\n')
-    with connect.start(str(file), Setting()) as started:
+def local() -> Iterator[DaskExecutor]:
+    """Two processes."""
+    with connect.start("local", Setting(), 2) as started:
         yield started
 
 
@@ -318,24 +316,6 @@ def _executed(on: Executor | list[Slot], planned: list[Pair], path: Path) -> tup
 
 def _alike(rows: dict[str, dict[str, object]]) -> dict[str, list[object]]:
     return {key: [row[column] for column in SAME] for key, row in rows.items()}
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "error", "told"),
-    [
-        ("c.toml", 'cluster = "os.system"', FormatError, r"cluster: is 'os.system', expected one of local, "),
-        ("c.toml", 'cluster = "local"\nclass = "x"', FormatError, "class: is not known here"),
-        ("c.toml", 'cluster = "local"\njobs = 0', FormatError, "jobs: is 0"),
-        ("c.toml", "cluster = ", FormatError, "cannot be read"),
-        ("c.yaml", "jobqueue: {slurm: {}, pbs: {}}", FormatError, "does not hold one table"),
-        ("c.yaml", "!!python/object/apply:os.system ['true']", FormatError, "does not hold one table"),
-    ],
-)
-def test_descriptions_that_cannot_be_used(tmp_path: Path, name: str, text: str, error: type, told: str) -> None:
-    (tmp_path / name).write_text(text)
-    with pytest.raises(error, match=told) as refusal:
-        connect.start(str(tmp_path / name), Setting())
-    assert "\n" not in str(refusal.value)
 
 
 def test_an_address_that_is_none() -> None:

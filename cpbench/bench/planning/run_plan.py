@@ -88,7 +88,7 @@ class RunPlan:
     seed: int = setting(0, settings.whole(0), settings.COUNT)
     threads: int = setting(1, settings.whole(1), settings.COUNT)
     jobs: int = setting(1, settings.whole(1), settings.COUNT)
-    cluster: str | None = setting(None, settings.text, "ADDRESS|KIND|FILE")
+    cluster: str | None = setting(None, settings.text, "ADDRESS|KIND")
     output: str = setting("", settings.text, "FILE")
     report: str | None = setting("", settings.report)
     rerun: str = choice("", "failed", "timeouts", "all")
