@@ -1,4 +1,4 @@
-"""All solutions of a small problem, as the façade and the commands `solve --all` and `certify --all` list them."""
+"""All solutions of a small problem, as the façade and the command `solve --all` list them."""
 
 from __future__ import annotations
 

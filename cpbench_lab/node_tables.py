@@ -12,6 +12,5 @@ def node_tables() -> tuple[NodeTable[Any], ...]:
     from cpbench_lab.certificates.mixed import POLYHEDRAL
     from cpbench_lab.diagnosis.scaled import UNITS
     from cpbench_lab.diagnosis.uniform import UNIFORM
-    from cpbench_lab.reduction.forms import FORMS
 
-    return POLYHEDRAL, UNITS, UNIFORM, FORMS
+    return POLYHEDRAL, UNITS, UNIFORM

@@ -20,26 +20,12 @@ from cpbench.generators.collection import address_text
 from cpbench.storage.base import require_new
 from cpbench_lab.certificate_text import certificate_lines
 from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_rows, save_certificate
-from cpbench_lab.enumerating import EverySolution, every_solution, require_rows
-
-
-def _save_all(solutions: EverySolution, path: Path, force: bool) -> None:
-    """Print all solutions, of a continuum its ends, and write them."""
-    first, *rest = solutions.lines()
-    click.echo(f"  all        {first}")
-    print_lines(f"           {line}" for line in rest)
-    if solutions.points:
-        solutions.save(path, force=force)
-        print_lines([f"solutions: {path}"])
 
 
 @click.command(cls=Command)
 @click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")
-@click.option(
-    "--all", "every", type=PATH, metavar="FILE", help="Output file of all solutions, a row each (.npy, .csv)."
-)
 @tolerance_option
 @timeout_option
 @click.option("-o", "--output", type=PATH, help="Output file of the certificate (.h5).")
@@ -49,7 +35,6 @@ def command(
     problem: str,
     answer: Path | None,
     solver: str | None,
-    every: Path | None,
     tolerance: float,
     timeout: float,
     output: Path | None,
@@ -61,8 +46,7 @@ def command(
     Polyhedral problems are solved exactly. An answer is proved when it is within the tolerance of the exact solution.
     For others the command looks for a box near the answer that contains a solution (enclosed), or for one around it
     that contains none (refuted). An answer is distant when a solution is known and the answer is not near it, and
-    stationary when the program is not convex, so that only its first-order conditions are proved. With --all the
-    command lists all solutions of a small LCP or MLCP, or of what is equivalent to one, and writes them. If there is no
+    stationary when the program is not convex, so that only its first-order conditions are proved. If there is no
     proof, the command says what prevents one. Without an answer it also looks for a proof that the problem has no
     solution (infeasible, unbounded). The program cpbench_lab/certificates/checker checks the proof in a file again. The
     exit code is 0 when the answer is proved or enclosed, when there is proved to be none, and when a distant answer
@@ -70,10 +54,8 @@ def command(
     cpbench report shows.
     """
     if is_results_file(problem):
-        if answer is not None or solver is not None or every is not None or output is not None:
-            raise click.UsageError(
-                "with RESULTS no --answer, --solver, --all or --output: all kept answers are looked at"
-            )
+        if answer is not None or solver is not None or output is not None:
+            raise click.UsageError("with RESULTS no --answer, --solver or --output: all kept answers are looked at")
         with Store(problem, create=True) as store:
             print_lines(certify_rows(store, timeout))
         return
@@ -82,11 +64,6 @@ def command(
     if output is not None:
         require_new(output, force)
     loaded = load(problem, format=file_format)
-    solutions: EverySolution | None = None
-    if every is not None:
-        require_rows(every)
-        require_new(every, force)
-        solutions = every_solution(loaded)
     point: Any
     if answer is None and solver is None:
         point, certificate = certify_first(loaded, timeout, tolerance)
@@ -102,8 +79,6 @@ def command(
     print_lines(certificate_lines(certificate))
     if far:
         click.echo(f"  answer     meets the tolerance {tolerance:g} by its error, away from the solution that is known")
-    if solutions is not None and every is not None:
-        _save_all(solutions, every, force)
     if output is not None:
         save_certificate(certificate, loaded, output, force=force)
     if not (certificate or far):

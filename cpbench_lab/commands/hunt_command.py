@@ -44,7 +44,7 @@ def command(
     """Search for problems on which a solver makes a false claim, crashes or takes a hundred times as long, and another
     does not.
 
-    Problems are drawn at random and changed a little, spread over size, conditioning, rank, units, friction and
+    Built-in problems are changed a little, again and again, spread over size, conditioning, rank, units, friction and
     degeneracy. The first failure of each kind is reduced and certified as by `cpbench reduce`. The exit code is 1 when
     there is a failure.
     """

@@ -52,8 +52,8 @@ def command(
     """Reduce a problem on which a solver fails to the smallest and simplest that still fails.
 
     The command removes contacts, bodies, unknowns and rows, and rounds numbers, as long as the solver fails as before;
-    each candidate is solved in a separate process. The folder then has the problem, a picture, a report for an issue,
-    and programs in C, Python and Julia that contain the data. After an interruption, the same command continues.
+    each candidate is solved in a separate process. The folder then has the problem, a picture and a report for an
+    issue. After an interruption, the same command continues.
 
     \b
     cpbench reduce scene.h5 -s nsgs --while timeout -o nsgs-hangs

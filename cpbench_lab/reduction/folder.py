@@ -1,4 +1,4 @@
-"""The folder of a reduced failure: the problem, a picture, programs with its data, and a report for an issue."""
+"""The folder of a reduced failure: the problem, a picture, and a report for an issue."""
 
 from __future__ import annotations
 
@@ -22,10 +22,8 @@ from cpbench.report.text import code, plain
 from cpbench.verification import MET_TOLERANCE
 from cpbench_lab import pictures
 from cpbench_lab.certifying import certify
-from cpbench_lab.reduction.forms import form
 from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.reduce import LARGE, ReducedFailure, data_size
-from cpbench_lab.reduction.snippets import snippets
 from cpbench_lab.reduction.trials import Asked
 
 PICTURES = ("lcp-cones", "contact", "sparsity")
@@ -45,12 +43,12 @@ class WrittenFiles:
 
 
 def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Path) -> WrittenFiles:
-    """Write `problem.h5`, `report.md`, `problem.svg` and the programs, replacing what is there.
+    """Write `problem.h5`, `report.md` and `problem.svg`, replacing what is there.
 
     Parameters
     ----------
-    source : what the problem was reduced from, for the report. Of a problem that stayed large there are no programs
-    and no certificates.
+    source : what the problem was reduced from, for the report. Of a problem that stayed large there are no
+    certificates.
     """
     problem, last = reduced.problem, reduced.last
     folder.mkdir(parents=True, exist_ok=True)
@@ -62,18 +60,11 @@ def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Pat
     storage.save(problem, folder / "problem.h5", force=True)
     written = [folder / "problem.h5", *_picture(problem, points.get("true", points.get("claimed")), folder)]
     title = f"{asked.solver}: {asked.predicate} on a problem of {_sizes(problem)} ({problem.node})"
-    linear = form(problem)
-    small = data_size(problem) <= LARGE
-    programs = {} if linear is None or not small else snippets(linear, title, points)
-    level, proofs = _proofs(problem, points) if small else ("", [])
+    level, proofs = _proofs(problem, points) if data_size(problem) <= LARGE else ("", [])
     lines = [*_report(reduced, asked, source, title, points), *(f"- {line}" for line in proofs)]
-    if programs:
-        lines.append(f"- Data and check without cpbench: {', '.join(programs)} (`cc snippet.c -lm && ./a.out`).")
-    texts = {"report.md": "\n".join(lines) + "\n", **programs}
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
-        written.append(folder / name)
-    return WrittenFiles(tuple(written), level)
+    report = folder / "report.md"
+    report.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return WrittenFiles((*written, report), level)
 
 
 def _point(problem: Problem, outcome: Outcome | None) -> Any:

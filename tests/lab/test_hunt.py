@@ -1,4 +1,4 @@
-"""The search for failures: its problems have solutions, its changes keep them, and it finds a solver that lies."""
+"""The search for failures: its changes keep solutions, and it finds a solver that lies."""
 
 from __future__ import annotations
 
@@ -15,21 +15,8 @@ from test_reduce import PLUGIN
 import cpbench
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError
-from cpbench_lab.reduction.hunting.cells import cell
-from cpbench_lab.reduction.hunting.families import FAMILIES
 from cpbench_lab.reduction.hunting.hunt import failure
 from cpbench_lab.reduction.hunting.mutations import MUTATIONS, mutated
-
-EVERY_FAMILY = [pytest.param(family, id=family.__name__) for families in FAMILIES.values() for family in families]
-
-
-@pytest.mark.parametrize("family", EVERY_FAMILY)
-def test_every_family_is_spread_over_cells_and_most_of_it_is_solved(family: object) -> None:
-    """Solutions are planted: an automatic choice may fail on some, on half it would be a mistake of the family."""
-    problems = [family(np.random.default_rng([7, k])) for k in range(8)]  # type: ignore[operator]
-    assert len({cell(problem) for problem in problems}) >= 2
-    solved = [bool(cpbench.solve(problem, seconds=2.0)) for problem in problems]
-    assert sum(solved) >= 4
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
@@ -84,7 +71,7 @@ def test_what_counts_as_a_failure(outcome: dict, reference: dict, expected: str)
 def test_a_liar_is_found_and_its_lie_reduced(tmp_path: Path) -> None:
     """Its first problem is one on which it lies; then the time is over, so that nothing here hangs on the clock."""
     (tmp_path / "plugin.py").write_text(PLUGIN)
-    options = ("--minutes", "0.001", "--seed", "10", "-q", "-o", "h")
+    options = ("--minutes", "0.001", "--seed", "3", "-q", "-o", "h")
     done = with_plugins(
         tmp_path, "--plugin", "plugin.py", "hunt", "-s", "half-liar", "--against", "lemke", *options
     )  # fmt: skip

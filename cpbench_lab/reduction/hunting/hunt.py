@@ -1,7 +1,7 @@
 """The search: problems of all cells, tried on a solver that may fail and on one that should not.
 
-A problem is drawn from a family, or is a mutation of one that was tried. Parents are taken from the cells (`cells`)
-that were visited least, or on which the solver came nearest to failing, so that the search spreads instead of walking
+A problem is a small built-in one, or a mutation of one that was tried. Parents are taken from the cells (`cells`) that
+were visited least, or on which the solver came nearest to failing, so that the search spreads instead of walking
 at random. Of each kind of failure the first is reduced and certified. Every problem has a number: a search with the
 same seed draws the same problems, as long as solvers do the same in the same time.
 """
@@ -31,7 +31,6 @@ from cpbench.solvers.base import solvers
 from cpbench.verification import MET_TOLERANCE, Status
 from cpbench_lab.reduction.cases import FailingCase, reduce_case
 from cpbench_lab.reduction.hunting.cells import AXES, Cell, cell
-from cpbench_lab.reduction.hunting.families import FAMILIES
 from cpbench_lab.reduction.hunting.mutations import mutated
 from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.predicate import FAILURES, SLOWER, Predicate
@@ -44,8 +43,8 @@ REDUCE_SHARE = 0.4
 """The part of the time that is left for reducing what was found."""
 LARGEST = 200
 """Unknowns of a problem that is tried, at most: larger ones take the time of many."""
-FRESH = 0.3
-"""Share of problems that are drawn anew, not mutated."""
+FRESH = 0.1
+"""Share of built-in problems among those that are tried."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ def hunt(
     with Trials(asked, begun + seconds * (1 - REDUCE_SHARE)) as trials, (folder / "tried.jsonl").open("w") as log:
         seeds = _seeds(node)
         while search.tried == 0 or not trials.over:
-            made = _next(search, node, seeds)
+            made = _next(search, seeds)
             if made is not None:
                 origin, problem = made
                 record = {"number": search.tried, "origin": origin, **_tried(search, trials, problem, folder)}
@@ -148,15 +147,11 @@ def _seeds(node: str) -> list[Problem]:
     return [problem for problem in found if unknowns(problem) <= LARGEST]
 
 
-def _next(search: HuntState, node: str, seeds: Sequence[Problem]) -> tuple[str, Problem] | None:
+def _next(search: HuntState, seeds: Sequence[Problem]) -> tuple[str, Problem] | None:
     """Return where the next problem comes from, and it; None where what was drawn is none."""
     rng = np.random.default_rng([search.seed, search.tried])
-    families = FAMILIES.get(node, ())
     try:
-        if families and (not search.best or rng.random() < FRESH):
-            family = families[int(rng.integers(len(families)))]
-            return family.__name__, family(rng)
-        if seeds and (not search.best or rng.random() < FRESH / 3):
+        if seeds and (not search.best or rng.random() < FRESH):
             problem = seeds[int(rng.integers(len(seeds)))]
             return problem.name, problem
         parent = _parent(search, rng)
