@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,18 +43,11 @@ class ExactPoint:
     reason: str = ""
 
 
-def exact_point(
-    P: Mixed, K: ExactRows, states: States, near: Vector, moved: Mapping[int, Any] | None = None
-) -> ExactPoint:
-    """Return the exact point with these states; what is redundant among the basic unknowns is held near `near`.
-
-    `moved` has rationals for unknowns that are at no bound though their state says so: no support of a solution then.
-    """
+def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector) -> ExactPoint:
+    """Return the exact point with these states; what is redundant among the basic unknowns is held near `near`."""
     held = at_bounds(P, states)
     basic = np.flatnonzero(states == BASIC).astype(np.int64)
     x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
-    for j, value in (moved or {}).items():
-        x[j] = value
     rows: list[Index] = []
     columns: list[Index] = []
     for own_rows, own_columns in blocks(P.K, basic):

@@ -152,29 +152,6 @@ class ContactSystem:
         rest, none = centre.reshape(3 * nc, -1), np.zeros_like(L)
         return np.vstack([L, rest]), np.vstack([none, spread.reshape(3 * nc, -1) * (1 + 1e-9) + 1e-300])
 
-    def ball_jacobian(self, x: Sequence[Any]) -> list[list[Any]]:
-        """Return the same in balls."""
-        scene, n = self.scene, len(x)
-        u, rows = scene.velocities(x), [_row(row, n) for row in scene.equations.rows]
-        for c, state in enumerate(self.states.tolist()):
-            V = [_row(row, n) for row in scene.velocities.rows[3 * c : 3 * c + 3]]
-            own = [[arb(int(j == scene.k + 3 * c + i)) for j in range(n)] for i in range(3)]
-            if state in (OPEN, STICK):
-                rows += own if state == OPEN else V
-            elif state == SMOOTH:
-                rows += [V[0], *own[1:]]
-            else:
-                u_T, r, mu = u[3 * c + 1 : 3 * c + 3], x[scene.k + 3 * c :], arb(float(scene.mu[c]))
-                speed = norm(u_T)
-                along = [(u_T[0] * a + u_T[1] * b) / speed for a, b in zip(*V[1:], strict=True)]
-                rows.append(V[0])
-                for i in range(2):
-                    row = [r[1 + i] * a + mu * r[0] * b for a, b in zip(along, V[1 + i], strict=True)]
-                    row[scene.k + 3 * c] += mu * u_T[i]
-                    row[scene.k + 3 * c + 1 + i] += speed
-                    rows.append(row)
-        return rows
-
     def _slide(self, c: int, u_T: Sequence[Any], r: Sequence[Any], by_u: Any, by_r: Any) -> None:
         """Write derivatives of (u_N, ‖u_T‖r_T + μr_N u_T) as centres and radii."""
         mu, speed = arb(float(self.scene.mu[c])), norm(u_T)
@@ -202,13 +179,6 @@ class ContactSystem:
             elif state == SLIDE and not square(u_T) > 0:
                 result.append((c, None))
         return result
-
-
-def _row(entries: Sequence[tuple[int, Any]], size: int) -> list[Any]:
-    row = [arb(0)] * size
-    for j, value in entries:
-        row[j] = value
-    return row
 
 
 def square(balls: Sequence[Any]) -> Any:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from flint import arb, arb_mat, ctx
+from flint import arb, ctx
 
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench_lab.certificates.exact_rows import Index
@@ -26,10 +26,6 @@ PARTS = 4
 """Doubles whose sum is the centre of a box."""
 SMALL = 2.0**-80
 """Radius of a box over the size of what it holds, where the residual allows it."""
-FINEST = 2.0**-140
-"""The same with an inverse in balls."""
-SMALLISH = 320
-"""Unknowns of the largest system that is inverted in balls: some seconds."""
 _UNIT = 2.0**-53
 _OUT = 1.0 + 1e-9
 """Outweighs the rounding of sums of up to 10⁶ doubles of one sign."""
@@ -46,10 +42,6 @@ class SmoothSystem(Protocol):
 
     def jacobian(self, x: Sequence[Any]) -> tuple[Dense, Dense]:
         """Centres and radii, in doubles, of matrices that hold F′ on a box of balls."""
-        ...
-
-    def ball_jacobian(self, x: Sequence[Any]) -> list[list[Any]]:
-        """Return F′ on a box of balls, in balls of the precision at hand."""
         ...
 
 
@@ -123,55 +115,7 @@ def no_box(states: Any, reason: str) -> Enclosed:
 
 
 def enclose(system: SmoothSystem, start: Vector, units: Vector) -> ZeroBox:
-    """Find a box around a zero near `start`; `units` are the sizes of the unknowns, all positive.
-
-    Where an inverse in doubles has too few digits, small systems are tried with one of balls.
-    """
-    box = _by_doubles(system, start, units)
-    if box.reason and 0 < start.size <= SMALLISH:
-        finer = _by_balls(system, start, units)
-        return finer if not finer.reason else box
-    return box
-
-
-def _by_balls(system: SmoothSystem, start: Vector, units: Vector) -> ZeroBox:
-    """Return the same with everything in balls."""
-    with digits():
-        n, scale = start.size, list(map(arb, units.tolist()))
-        centre = [arb(v) for v in start.tolist()]
-        try:
-            for _ in range(STEPS):
-                J = arb_mat([[v.mid() for v in row] for row in system.ball_jacobian(centre)])
-                taken = J.solve(arb_mat([[v.mid()] for v in system.residual(centre)]))
-                centre = [(a - taken[i, 0]).mid() for i, a in enumerate(centre)]
-                step = max((abs(taken[i, 0] / scale[i]) for i in range(n)), key=lambda v: float(v.abs_upper()))
-                if step < arb(2) ** -180:
-                    break
-                if not step < 1e8:
-                    return _none("Newton's method leaves the answer: no zero of the active set's system is near it")
-            parts = sums_of_doubles(centre)
-            centre = balls(parts, np.zeros(n))
-            C = _middle(arb_mat([[v.mid() for v in row] for row in system.ball_jacobian(centre)]).inv())
-        except (ZeroDivisionError, ValueError):
-            return _none("the system of the active set is singular")
-        shift = C * arb_mat([[v] for v in system.residual(centre)])
-        sizes = [up(shift[i, 0] / scale[i]) for i in range(n)]
-        if not np.isfinite(sizes).all():
-            return _none("the system is not defined near the answer")
-        box = ZeroBox(parts, (2.0 * max(sizes) + FINEST) * units)
-        x = box.x
-        E = arb_mat([[arb(int(i == j)) for j in range(n)] for i in range(n)]) - C * arb_mat(system.ball_jacobian(x))
-        moved = E * arb_mat([[a - b] for a, b in zip(x, centre, strict=True)]) - shift
-        if all(x[i].contains_interior(centre[i] + moved[i, 0]) for i in range(n)):
-            return box
-        return _none("Krawczyk's test fails")
-
-
-def _middle(matrix: Any) -> Any:
-    return arb_mat([[v.mid() for v in row] for row in matrix.tolist()])
-
-
-def _by_doubles(system: SmoothSystem, start: Vector, units: Vector) -> ZeroBox:
+    """Find a box around a zero near `start`; `units` are the sizes of the unknowns, all positive."""
     with digits():
         centre = [arb(v) for v in start.tolist()]
         C, step = None, np.full(start.size, np.inf)

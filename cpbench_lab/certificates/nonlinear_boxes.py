@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from flint import arb
 
 from cpbench.formulations.base import Problem
 from cpbench.formulations.expressions import Map
@@ -18,7 +17,7 @@ from cpbench_lab.certificates.affine_parts import dependent_rows
 from cpbench_lab.certificates.exact_points import rounded
 from cpbench_lab.certificates.exact_rows import Index, rational
 from cpbench_lab.certificates.krawczyk import PARTS, Enclosed, balls, digits, enclose, no_box
-from cpbench_lab.certificates.map_balls import exact_values, jacobian, slopes, values
+from cpbench_lab.certificates.map_balls import exact_values, jacobian, values
 from cpbench_lab.certificates.mixed import MAPS
 from cpbench_lab.certificates.redundant import reduced, with_held
 
@@ -71,11 +70,6 @@ class BasicSystem:
         """Return the derivatives by the basic unknowns."""
         centre, spread = jacobian(self.P.F, self.full(x), self.basic.tolist())
         return centre[self.basic], spread[self.basic]
-
-    def ball_jacobian(self, x: Sequence[Any]) -> list[list[Any]]:
-        """Return the same in balls."""
-        rows, columns = slopes(self.P.F, self.full(x), self.basic.tolist()), range(self.basic.size)
-        return [[rows[i].get(j, arb(0)) for j in columns] for i in self.basic.tolist()]
 
 
 def enclose_nonlinear(P: Bounded, z: Vector) -> Enclosed:

@@ -2,7 +2,8 @@
 
 The answer's active set makes a square linear system. It is solved over the rationals, and every bound and sign is
 checked exactly; where a few are wrong the active set is changed there, as principal pivoting does. A singular system
-has its largest regular part solved, with the other unknowns held where the answer has them.
+has its largest regular part solved, with the other unknowns held where the answer has them; where that fails, a vertex
+is looked for by the simplex method (`vertices`).
 """
 
 from __future__ import annotations
@@ -17,8 +18,6 @@ from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, States, candidates, solved
 from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest
-from cpbench_lab.certificates.exchanges import exchanged
-from cpbench_lab.certificates.faces import interior
 from cpbench_lab.certificates.mixed import Mixed
 from cpbench_lab.certificates.vertices import at_vertex
 
@@ -45,10 +44,6 @@ def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
         if result.support is not None:
             return result
         reason = result.reason or reason
-    for states, near in known:
-        result = exchanged(P, K, states, near, deadline)
-        if result.support is not None:
-            return result
     return ExactPoint(None, [], reason)
 
 
@@ -69,12 +64,6 @@ def _pivoted(
         wrong = violations(P, K, result.x)
         if not wrong:
             return result
-        if result.support.rows.size < (states == BASIC).sum():
-            inside = interior(P, states, near)
-            if inside is not None:
-                result = exact_point(P, K, states, inside)
-                if result.support is not None and not violations(P, K, result.x):
-                    return result
         first = first or _told(P, result.x, wrong)
         changed = wrong if count < ROUNDS else wrong[:1]
         states = states.copy()

@@ -76,11 +76,6 @@ class ReducedSystem:
         block = np.ix_(self.rows, self.columns)
         return centre[block], spread[block]
 
-    def ball_jacobian(self, x: Sequence[Any]) -> list[list[Any]]:
-        """Return the same in balls."""
-        table = self.whole.ball_jacobian(self.full(x))
-        return [[table[i][j] for j in self.columns.tolist()] for i in self.rows.tolist()]
-
 
 def reduced(system: SmoothSystem, dropped: Index, x: Vector, units: Vector, solved: Index) -> ReducedSystem:
     """Hold as many unknowns at the answer as equations are dropped, so that the rest is well conditioned.

@@ -426,7 +426,7 @@ def cone(rng: Random) -> Iterator[Plant]:
     still = q.copy()
     still[:, 1:] *= 0.01
     twin = replace(bad, W=np.eye(3 * nc), q=still.ravel())
-    yield from each("wrong cone", bad, twin, ["cvxpy-relaxation"])
+    yield from each("wrong cone", bad, twin, ["clarabel-relaxation"])
     yield from each("wrong cone", bad, twin, ["lemke"], via=("inner",))
 
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
+from certificate_checks import REFUSALS, check, reseal, save_and_check
 from command_line import cpbench as command
 
 import cpbench
-import cpbench_lab
 from cpbench.formulations import LCP, MLCP
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget
@@ -25,23 +22,6 @@ flint = pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificate_text import summary  # noqa: E402
 from cpbench_lab.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
 from cpbench_lab.certifying import save_certificate  # noqa: E402
-
-CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
-REFUSALS = (ValueError, KeyError, TypeError, IndexError)
-
-
-@pytest.fixture(scope="module")
-def check() -> Iterator[Callable[[Path], str]]:
-    """The whole checking program."""
-    sys.path.insert(0, str(CHECKER))
-    spec = importlib.util.spec_from_file_location("checking_program", CHECKER / "__main__.py")
-    assert spec is not None
-    assert spec.loader is not None
-    program = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(program)
-    yield lambda path: program.check(str(path))
-    sys.path.remove(str(CHECKER))
-
 
 HAND: dict[str, tuple[Problem, float]] = {
     "every pair either way": (LCP(M=-np.eye(3), q=np.ones(3)), 8),
@@ -62,23 +42,20 @@ HAND: dict[str, tuple[Problem, float]] = {
 
 
 @pytest.mark.parametrize("name", HAND)
-def test_counts_by_hand(name: str, tmp_path: Path, check: Callable[[Path], str]) -> None:
+def test_counts_by_hand(name: str, tmp_path: Path) -> None:
     problem, count = HAND[name]
     found = all_solutions(problem)
     assert found is not None
     assert found.count == count
     certificate = cpbench.certify(problem, np.zeros(sum(problem.point_sizes.values())))
-    save_certificate(certificate, problem, tmp_path / "c.h5")
-    said = check(tmp_path / "c.h5")
+    said = save_and_check(certificate, problem, tmp_path)
     if not certificate.unique:
         assert certificate.solutions == count
         assert ("a continuum" if math.isinf(count) else f"{count:.0f} solutions") in said
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_counts_are_those_of_the_solver_that_enumerates_in_doubles(
-    seed: int, tmp_path: Path, check: Callable[[Path], str]
-) -> None:
+def test_counts_are_those_of_the_solver_that_enumerates_in_doubles(seed: int, tmp_path: Path) -> None:
     """Small whole numbers, so that every fourth problem has a continuum, and random ones, which have none."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
@@ -93,8 +70,7 @@ def test_counts_are_those_of_the_solver_that_enumerates_in_doubles(
     else:
         assert other.faces
     certificate = cpbench.certify(problem, np.zeros(n))
-    save_certificate(certificate, problem, tmp_path / "c.h5")
-    check(tmp_path / "c.h5")
+    save_and_check(certificate, problem, tmp_path)
 
 
 def test_an_answer_far_from_all_names_the_nearest(tmp_path: Path) -> None:
@@ -127,7 +103,7 @@ def test_nonnegative_solutions_are_found_by_pivots_that_end() -> None:
 
 
 @pytest.mark.parametrize("kind", ["more", "fewer", "other", "continuum", "only one", "none"])
-def test_forged_numbers_are_caught(kind: str, tmp_path: Path, check: Callable[[Path], str]) -> None:
+def test_forged_numbers_are_caught(kind: str, tmp_path: Path) -> None:
     problem = LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-3.0, -3.0])
     path = tmp_path / "c.h5"
     save_certificate(cpbench.certify(problem, [1.0, 1.0]), problem, path)
@@ -146,9 +122,7 @@ def test_forged_numbers_are_caught(kind: str, tmp_path: Path, check: Callable[[P
             own["evidence/endless"] = np.zeros(2, dtype=np.int8)
         if kind == "only one":
             own.attrs["unique"] = "enumeration"
-        import certificate_file
-
-        own.attrs["seal"] = certificate_file.seal(own)
+        reseal(own)
     with pytest.raises(REFUSALS):
         check(path)
 
@@ -179,9 +153,6 @@ def test_all_equilibria_of_a_game_are_listed_shown_and_written(count: int, tmp_p
     assert done.stdout.startswith(f"game-{count} (lcp): {2**count - 1} solutions, all there are\n  1: z = (")
     assert done.returncode == 0
     np.testing.assert_array_equal(np.load(tmp_path / "z.npy"), found.x)
-    certified = command(tmp_path, "certify", "game.h5", "-s", "lemke", "--all", "z.csv")
-    assert f"all        {2**count - 1} solutions, all there are" in certified.stdout
-    np.testing.assert_array_equal(np.loadtxt(tmp_path / "z.csv", delimiter=","), found.x)
 
 
 def test_of_a_continuum_the_ends_are_listed() -> None:

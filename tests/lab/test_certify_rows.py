@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import synthetic_results as synthetic
+from certificate_checks import checked
 from command_line import cpbench as command
 
 import cpbench as cp
-import cpbench_lab
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
 from cpbench.bench.results.store import Store
@@ -72,16 +70,6 @@ def test_what_is_certified_stays_and_what_runs_again_does_not(results: Path) -> 
     assert command(folder, "certify", "r.sqlite", "-s", "lemke").returncode == 2
 
 
-CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
-
-
-def checked(*paths: Path) -> tuple[int, list[str]]:
-    """What the program without cpbench says of files."""
-    done = subprocess.run([sys.executable, CHECKER, *paths], capture_output=True, text=True, timeout=120)
-    assert not done.stderr
-    return done.returncode, done.stdout.splitlines()
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A results file with a proof, an enclosure, refuted claims, and a problem of which all solutions are listed."""
@@ -106,15 +94,14 @@ def several(run: Path, tmp_path: Path) -> Path:
 
 
 def test_rows_are_proved_again_without_cpbench(several: Path) -> None:
-    code, lines = checked(several)
-    assert code == 0, lines
-    told = "\n".join(lines)
+    code, told = checked(several)
+    assert code == 0, told
     assert "three  lemke: proved" in told
     assert "3 solutions, all listed" in told
     assert "stick  nsgs: enclosed" in told
     assert "program  auto-qp: proved" in told
     with Store(several) as store:
-        assert len(lines) == sum(row.certainty is not None for row in store.rows())
+        assert len(told.splitlines()) == sum(row.certainty is not None for row in store.rows())
         assert {kind for _, kind, _ in store.certificates()} == {"answer"}
         problems = {row.fingerprint for row in store.rows() if row.certainty}
         assert {fingerprint for fingerprint, _ in store.proved_problems()} == problems
@@ -142,16 +129,13 @@ def test_forged_rows_are_caught(name: str, several: Path) -> None:
     """By the program without cpbench."""
     with sqlite3.connect(several) as db:
         db.execute(FORGERIES[name])
-    code, lines = checked(several)
-    assert code == 1
-    assert any("NOT PROVED" in line for line in lines)
+    code, told = checked(several)
+    assert (code, "NOT PROVED" in told) == (1, True), told
 
 
 def test_proofs_are_merged(several: Path) -> None:
     assert command(several.parent, "results", "merge", "r.sqlite", "-o", "m.sqlite").returncode == 0
-    assert checked(several.parent / "m.sqlite") == (
-        0, [line.replace("r.sqlite", "m.sqlite") for line in checked(several)[1]]
-    )  # fmt: skip
+    assert checked(several.parent / "m.sqlite") == (0, checked(several)[1].replace("r.sqlite", "m.sqlite"))
 
 
 def test_levels_are_counted_by_solver_and_problem() -> None:
