@@ -31,7 +31,7 @@ SOLVERS = (
     "siconos-fc3d-nsn-ac",
     "pinocchio-admm",
     "pinocchio-pgs",
-    "cvxpy-relaxation",
+    "clarabel-relaxation",
 )
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 FLOOR = 1e-16
@@ -94,7 +94,7 @@ def drawn(table: list[dict[str, str]]) -> Drawing:
 
 
 def _look(solver: str, j: int) -> dict[str, Any]:
-    groups = (("siconos", canvas.RED), ("pinocchio", canvas.GREEN), ("cvxpy", canvas.INK))
+    groups = (("siconos", canvas.RED), ("pinocchio", canvas.GREEN), ("clarabel", canvas.INK))
     colour = next((colour for start, colour in groups if solver.startswith(start)), canvas.BLUE)
     return {"color": colour, "marker": "osD^vPX*<>ph"[j % 12], "markersize": 3.5, "linewidth": 0.7, "alpha": 0.85}
 

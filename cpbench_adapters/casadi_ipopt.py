@@ -7,14 +7,19 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations import LCP, MLCP
-from cpbench.foundation.matrices import norm
+from cpbench.foundation.matrices import Matrix, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping, no_looser
-from cpbench_adapters.casadi_guest import CITATION, INSTALL, as_dm, too_large
-from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp
+from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp, small_problem
 
+CITATION = "Andersson et al., CasADi, Math. Prog. Comp. 11 (2019)"
+LICENCE = "LGPL-3.0-or-later"
+INSTALL = "pip install cpbench[casadi]"
+UNKNOWNS = 4000
+"""Most unknowns: the Jacobian is built as an expression and factorized by a sparse QR, which fills in."""
 CLAIMS = {
     "Solve_Succeeded": Claim.SOLVED,
     "Solved_To_Acceptable_Level": Claim.INACCURATE,
@@ -30,6 +35,20 @@ IPOPT = {"tol": 1e-8, "bound_relax_factor": 1e-8}
 """Ipopt's own tolerances."""
 CLOSE = 100.0
 """A minimum whose error is within this factor of the tolerance is claimed `inaccurate`, beyond it `failed`."""
+
+
+def too_large(n: int) -> str | None:
+    """Return why a problem of n unknowns is too large, else None."""
+    if n <= UNKNOWNS:
+        return None
+    return f"n = {n} unknowns: CasADi's expressions and sparse factors are given at most {UNKNOWNS}"
+
+
+def as_dm(M: Matrix) -> Any:
+    """Return a CasADi matrix, sparse where M is."""
+    import casadi as ca
+
+    return ca.DM(sp.csc_matrix(M)) if sp.issparse(M) else ca.DM(np.asarray(M))
 
 
 @dataclass(frozen=True)
@@ -92,6 +111,9 @@ class IpoptComplementarity(Solver):
         quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "ipopt": ipopt}
         return IpoptProgram(mcp, ca.nlpsol("complementarity", "ipopt", program, quiet), error)
 
+    def warmup(self) -> None:
+        self.run(small_problem(self.spec.node))
+
     def solve(
         self,
         prepared: IpoptProgram,
@@ -151,16 +173,9 @@ class IpoptLCP(IpoptComplementarity):
 
     spec: ClassVar[SolverSpec] = _spec("casadi-ipopt", "lcp")
 
-    def warmup(self) -> None:
-        self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
-
 
 @register
 class IpoptMLCP(IpoptComplementarity):
     """The method for the MLCP, its equations as constraints."""
 
     spec: ClassVar[SolverSpec] = _spec("casadi-ipopt-mlcp", "mlcp")
-
-    def warmup(self) -> None:
-        one = np.eye(1)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.ones(1), b=-np.ones(1)))

@@ -13,9 +13,8 @@ import numpy as np
 from cpbench.formulations.programs import NLP
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping, no_looser
-from cpbench_adapters.casadi_guest import CITATION, INSTALL, LICENCE, too_large
+from cpbench_adapters.casadi_ipopt import CITATION, INSTALL, IPOPT, LEAST, LICENCE, too_large
 from cpbench_adapters.casadi_ipopt import CLAIMS as IPOPT_CLAIMS
-from cpbench_adapters.casadi_ipopt import IPOPT, LEAST
 from cpbench_adapters.nlp_answers import answer, concluded, small_program
 
 SQP_CLAIMS = {

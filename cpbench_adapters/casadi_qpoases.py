@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.solvers.base import Claim, SolverSpec, Trait, register
-from cpbench_adapters.casadi_guest import CITATION, INSTALL
+from cpbench_adapters.casadi_ipopt import CITATION, INSTALL
 from cpbench_adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench_adapters.qp_standard_form import StandardForm
 from cpbench_adapters.qp_tolerances import Settings

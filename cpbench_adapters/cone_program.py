@@ -37,16 +37,6 @@ class ConeProgram:
         return ConeQPPoint(x=self.x_unit * x[: self.problem.p.size], y=self.back * (self.T.T @ y))
 
 
-def obstacle(problem: ConeQP) -> str | None:
-    """Return why a conic solver cannot take the program."""
-    if problem.p.size == 0:
-        return "has no unknown (n = 0): there is nothing to minimise"
-    if not problem.convex:
-        least = matrices.least_eigenvalue(problem.Q)
-        return f"not convex: Q has, at unit diagonal, the eigenvalue {least:.1e} or less"
-    return None
-
-
 def cone_program(problem: ConeQP) -> ConeProgram:
     """Return `problem` scaled, over {0}, ℝ₊ and Lorentz cones."""
     K = problem.K

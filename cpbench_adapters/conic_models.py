@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim
 from cpbench.solvers.stopping import Stopping, no_looser
-from cpbench_adapters.qp_stopping import TESTS
+from cpbench_adapters.qp_tolerances import TESTS
 
 FINEST, FINEST_GAP = 1e-13, 1e-15
 """The least residual and gap that are asked for, relative to data of size 1."""

@@ -2,7 +2,8 @@
 
 With s_c = μ_c‖u_Tc‖ (rolling: + μ_rc‖ω_c‖) given, the law K*_μ ∋ Wr + q + s e_N ⟂ r ∈ K_μ is, for a symmetric PSD W,
 the optimality condition of  min ½rᵀWr + (q + s e_N)ᵀr over Π K_μ.  Its solution has velocities u = Wr + q and gives
-the next s; a fixed point obeys the law. s = 0, the start unless one is given, is the convex relaxation.
+the next s; a fixed point obeys the law. s = 0, the start unless one is given, is the convex relaxation, which is a
+solver by itself as well.
 
 A W that is a little nonsymmetric is split into its symmetric part and the rest, (W − Wᵀ)r/2 of the last iterate, which
 is frozen like s.
@@ -22,23 +23,31 @@ grams and in tonnes.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.foundation import matrices
-from cpbench.foundation.cones import Cone, Law, ProductCone, RollingCoulomb
+from cpbench.foundation.cones import Law, RollingCoulomb
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.foundation.cones import Cone, ProductCone
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows
 from cpbench.solvers.shared.progress import Progress
-from cpbench_adapters.conic_models import ConicModel
+from cpbench.solvers.stopping import Stopping
+from cpbench_adapters.conic_models import ClarabelModel, ConicModel, ScsModel
 
+COULOMB = "Acary, Cadoux, Lemaréchal and Malick, ZAMM 91 (2011)"
+ROLLING = "Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046"
+CLARABEL = "Goulart and Chen, arXiv 2405.12762"
+SCS = "O'Donoghue, SIAM J. Optim. 31 (2021)"
+SYMMETRY_LIMIT = 1e-8
+"""Asymmetry up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
 ASYMMETRY, INDEFINITE = 3e-2, 1e-5
 """Asymmetry and −λ_min of W scaled to unit diagonal up to which it is tried: assembled Delassus matrices are neither
 symmetric (RockPile_tob1 has 2e-2) nor positive semidefinite (Confeti-ex13 has 6e-7) to rounding."""
@@ -79,7 +88,9 @@ class ScaledContact:
 
 
 class ConicFixedPoint(Solver):
-    """The fixed point on De Saxcé's term around one conic solver."""
+    """The fixed point on De Saxcé's term around one conic solver. `asymmetry` : of W, the most that is taken."""
+
+    asymmetry: ClassVar[float] = ASYMMETRY
 
     @abstractmethod
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
@@ -87,9 +98,9 @@ class ConicFixedPoint(Solver):
 
     def obstacle(self, problem: LocalContact) -> str | None:
         asymmetry = matrices.asymmetry(problem.W)
-        if asymmetry > ASYMMETRY:
+        if asymmetry > self.asymmetry:
             return (
-                f"needs W symmetric, asymmetry = {asymmetry:.1e} > {ASYMMETRY:.0e}: its steps are "
+                f"needs W symmetric, asymmetry = {asymmetry:.1e} > {self.asymmetry:.0e}: its steps are "
                 "minimisations; use nsgs or nsgs-rfc"
             )
         if not matrices.is_psd(problem.W, INDEFINITE):
@@ -154,7 +165,7 @@ class ConicFixedPoint(Solver):
             point = FCPoint(prepared.size * end.x)
             error = problem.residuals(point, budget.tolerance).error
             if record is not None:
-                record(done, error, partial(_same, point))
+                record(done, error, lambda point=point: point)
             wasted = 0 if error <= LOWER * least else wasted + 1
             if error < least:
                 best, least = point, error
@@ -170,5 +181,118 @@ class ConicFixedPoint(Solver):
         return SolverOutput(claim=claim, point=best, counters=counters, message=f"{message}, error {least:.1e}")
 
 
-def _same(point: FCPoint) -> FCPoint:
-    return point
+@register
+class ClarabelDeSaxce(ConicFixedPoint):
+    """The fixed point whose convex programs are solved from scratch by an interior method, to errors of about 1e-8."""
+
+    spec = SolverSpec(
+        name="clarabel-de-saxce",
+        node="fc",
+        summary="fixed point on De Saxcé's term, every step a second-order cone program by Clarabel",
+        method="fixed point",
+        citation=f"{COULOMB}; {CLARABEL}",
+        requires=("clarabel",),
+        install="pip install clarabel",
+        licence="Apache-2.0",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        quick=True,
+        options=DeSaxceOptions,
+    )
+
+    def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
+        return ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
+        return ClarabelModel.stopping(tolerance)
+
+
+@register
+class ClarabelDeSaxceRolling(ClarabelDeSaxce):
+    """The same with rolling friction."""
+
+    spec = replace(
+        ClarabelDeSaxce.spec,
+        name="clarabel-de-saxce-rfc",
+        node="rfc",
+        summary="fixed point on De Saxcé's term with rolling friction, every step a cone program by Clarabel",
+        citation=f"{ROLLING}; {CLARABEL}",
+    )
+
+
+@register
+class ScsDeSaxce(ConicFixedPoint):
+    """The fixed point whose convex programs start from the solution of the last one, with the same factorization."""
+
+    spec = SolverSpec(
+        name="scs-de-saxce",
+        node="fc",
+        summary="fixed point on De Saxcé's term, every step a second-order cone program by SCS",
+        method="fixed point",
+        citation=f"{COULOMB}; {SCS}",
+        requires=("scs",),
+        install="pip install scs",
+        licence="MIT",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=DeSaxceOptions,
+    )
+
+    def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
+        return ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
+        return ScsModel.stopping(tolerance)
+
+
+@register
+class ScsDeSaxceRolling(ScsDeSaxce):
+    """The same with rolling friction."""
+
+    spec = replace(
+        ScsDeSaxce.spec,
+        name="scs-de-saxce-rfc",
+        node="rfc",
+        summary="fixed point on De Saxcé's term with rolling friction, every step a cone program by SCS",
+        citation=f"{ROLLING}; {SCS}",
+    )
+
+
+@register
+class ClarabelRelaxation(ClarabelDeSaxce):
+    """min ½rᵀWr + qᵀr over the friction cones (Anitescu and Tasora 2010): K*_μ ∋ Wr + q ⟂ r ∈ K_μ, the law without De
+    Saxcé's term. Separated and sticking contacts obey the exact law in its solution; a sliding contact with μ > 0 lifts
+    off with u_N = μ‖u_T‖."""
+
+    spec = SolverSpec(
+        name="clarabel-relaxation",
+        node="fc",
+        summary="convex relaxation (associated flow), a second-order cone program by Clarabel",
+        method="interior point",
+        citation=f"Anitescu and Tasora, Comput. Optim. Appl. 47 (2010); {CLARABEL}",
+        requires=("clarabel",),
+        install="pip install clarabel",
+        licence="Apache-2.0",
+        kind=Kind.RELAXATION,
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+
+    asymmetry = SYMMETRY_LIMIT
+
+    def obstacle(self, problem: LocalContact) -> str | None:
+        if problem.nc == 0:
+            return "has no contact (nc = 0): there is nothing to minimise"
+        return super().obstacle(problem)
+
+    def solve(
+        self,
+        prepared: ScaledContact,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        end = self.model(prepared, budget).solve()
+        claim, counters = end.claim, {"iterations": end.iterations}
+        if not end.usable:
+            claim = claim if claim in (Claim.INFEASIBLE, Claim.UNBOUNDED) else Claim.FAILED
+            return SolverOutput(claim=claim, counters=counters, message=end.status)
+        return SolverOutput(claim=claim, point=FCPoint(prepared.size * end.x), counters=counters, message=end.status)

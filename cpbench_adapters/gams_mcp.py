@@ -30,9 +30,9 @@ from cpbench.solvers.base import (
     register,
 )
 from cpbench.solvers.stopping import Stopping, no_looser
-from cpbench_adapters import gams_licence
+from cpbench_adapters import gams_workspace
 from cpbench_adapters.gams_workspace import explained, workspace
-from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp, share
+from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp, share, small_problem
 
 CLAIMS = {
     ("NormalCompletion", "OptimalGlobal"): Claim.SOLVED,
@@ -74,7 +74,7 @@ class GamsPath(Solver):
         n = sum(problem.point_sizes.values())
         if n == 0:
             return "has no unknown (n = 0): GAMS refuses an empty model"
-        most = gams_licence.most_rows()
+        most = gams_workspace.most_rows()
         if most is not None and n > most:
             return f"n = {n} makes a model of {n} rows: the demo licence of GAMS ends at {most}"
         rows, columns = _empty(problem)
@@ -102,7 +102,7 @@ class GamsPath(Solver):
             model, x = gams.model, gams.x.toDense()
             ended, found = model.solve_status.name, model.status.name
             if "LicenseError" in (ended, found):
-                raise Unavailable("licence", f"path: {ended}, {found}; {gams_licence.ADVICE}")
+                raise Unavailable("licence", f"path: {ended}, {found}; {gams_workspace.ADVICE}")
         claim = CLAIMS.get((ended, found)) or CLAIMS.get(ended, Claim.FAILED)
         return SolverOutput(
             claim=claim,
@@ -113,12 +113,7 @@ class GamsPath(Solver):
 
     def warmup(self) -> None:
         """Start GAMS, which stays: its threads and its process are no solve's."""
-        one = np.eye(1)
-        problems = {
-            "lcp": LCP(M=np.eye(2), q=np.array([-1.0, -2.0])),
-            "mlcp": MLCP(A=one, B=one, C=one, D=-one, a=np.ones(1), b=-np.ones(1)),
-        }
-        self.run(problems[self.spec.node])
+        self.run(small_problem(self.spec.node))
 
     def version(self) -> str:
         """Return the version of GAMS, whose solvers have no other."""
@@ -136,7 +131,7 @@ def path_spec(name: str, node: str) -> SolverSpec:
         requires=("gamspy",),
         install="pip install gamspy",
         licence="proprietary",
-        publishing=gams_licence.PUBLISHING,
+        publishing=gams_workspace.PUBLISHING,
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES, Trait.WARM_START}),
     )
 
@@ -161,13 +156,13 @@ def gams_availability() -> Availability:
     from gamspy.utils import getInstalledSolvers
 
     try:
-        if "PATH" not in getInstalledSolvers(os.fspath(gams_licence.system_directory())):
+        if "PATH" not in getInstalledSolvers(os.fspath(gams_workspace.system_directory())):
             return Availability("missing", "gamspy install solver path")
-        code, message = gams_licence.refusal()
+        code, message = gams_workspace.refusal()
     except Exception as error:
         return Availability("broken", f"{type(error).__name__}: {error}")
-    if code == gams_licence.LICENSING:
-        return Availability("licence", f"{message}; {gams_licence.ADVICE}")
+    if code == gams_workspace.LICENSING:
+        return Availability("licence", f"{message}; {gams_workspace.ADVICE}")
     return Availability("broken", message) if code else Availability("ok")
 
 

@@ -33,7 +33,7 @@ from cpbench.solvers.base import (
 )
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.solvers.stopping import Stopping
-from cpbench_adapters import gams_licence, gams_model
+from cpbench_adapters import gams_model, gams_workspace
 from cpbench_adapters.gams_mcp import gams_availability, path_settings, path_spec, path_stopping
 
 NORMAL, ITERATIONS, RESOURCES, LICENCE = 1, 2, 3, 7
@@ -68,7 +68,7 @@ class PathMiCP(Solver):
         lacking = gams_model.without_operator(F)
         if lacking:
             return f"F has {', '.join(lacking)}, for which GAMS has no smooth function"
-        most = gams_licence.most_rows()
+        most = gams_workspace.most_rows()
         if most is not None and n > most:
             return f"n = {n} makes a model of {n} rows: the demo licence of GAMS ends at {most}"
         rows, columns = gams_model.idle(F)
@@ -99,7 +99,7 @@ class PathMiCP(Solver):
             return SolverOutput(claim=Claim.FAILED, message=values)
         ended, found, iterations, z = int(values[0]), int(values[1]), values[2], values[3:]
         if ended == LICENCE:
-            raise Unavailable("licence", f"path has no licence; {gams_licence.ADVICE}")
+            raise Unavailable("licence", f"path has no licence; {gams_workspace.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
         error = _error(prepared, point)
         if error <= budget.tolerance:
@@ -130,15 +130,15 @@ def _error(problem: MiCP, point: MiCPPoint | None) -> float:
 
 def _run(folder: Path, budget: Budget) -> Any:
     """Return the numbers that the model wrote, or what went wrong in a line."""
-    command = [str(gams_licence.system_directory() / "gams"), "model.gms", "logOption=0", "threads=1"]
-    command.append(f"license={gams_licence.licence_file()}")
+    command = [str(gams_workspace.system_directory() / "gams"), "model.gms", "logOption=0", "threads=1"]
+    command.append(f"license={gams_workspace.licence_file()}")
     seconds = budget.seconds + GRACE if math.isfinite(budget.seconds) else None
     try:
         done = subprocess.run(command, cwd=folder, capture_output=True, timeout=seconds, check=False)
     except subprocess.TimeoutExpired:
         return "out of time: the process of GAMS was ended"
-    if done.returncode == gams_licence.LICENSING:
-        raise Unavailable("licence", f"path; {gams_licence.ADVICE}")
+    if done.returncode == gams_workspace.LICENSING:
+        raise Unavailable("licence", f"path; {gams_workspace.ADVICE}")
     written = folder / "answer.txt"
     if not written.exists():
         listing = folder / "model.lst"

@@ -1,4 +1,4 @@
-"""GAMS at work beside a worker: its process, the one model in it, and what its failures mean.
+"""GAMS at work beside a worker: its process, the one model in it, what its failures mean, and what its licence allows.
 
 The model is F(i) .. Σⱼ K(i,j) x(j) + c(i) =N= 0, matched to x(i), whose bounds say the rest: free for the equations
 of an MLCP, x ≥ 0 where 0 ≤ x ⟂ F ≥ 0.
@@ -11,8 +11,12 @@ import logging
 import math
 import os
 import signal
+import subprocess
+import tempfile
 import threading
 from collections.abc import Generator, Mapping
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,11 +26,21 @@ from cpbench.errors import Ended, Unavailable
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget
 from cpbench.solvers.external.folder import Folder
-from cpbench_adapters import gams_licence
 from cpbench_adapters.scaled_mcp import ScaledMCP
 
 GENERATED = 2**30
 """Bytes of the largest files that gamspy writes, more or less: too much for a folder in memory."""
+
+
+LICENSING = 7
+"""Return code of GAMS for a licence that it refuses."""
+DEMO_ROWS = 1000
+"""Most rows and columns of a nonlinear or complementarity model under the demo licence."""
+ADVICE = "pip install --upgrade gamspy gamspy_base for a newer demo licence, or: gamspy install license CODE"
+PUBLISHING = (
+    "GAMS' licence: benchmarks may be published with the methodology documented, unless COPT, CPLEX, Gurobi, Knitro, "
+    "LINDO or Xpress take part, which needs written consent"
+)
 
 
 class Workspace:
@@ -127,10 +141,10 @@ def explained(solver: str) -> Generator[None]:
         lost = _workspaces.pop(os.getpid(), None)  # what is left of it is unknown
         code = lost.ended() if lost else None
         refused, message = _refusal()
-        if refused == gams_licence.LICENSING:
-            raise Unavailable("licence", f"{message}; {gams_licence.ADVICE}") from None
-        if getattr(error, "return_code", None) == gams_licence.LICENSING:
-            raise Unavailable("licence", f"{_summary(error)}; {gams_licence.ADVICE}") from None
+        if refused == LICENSING:
+            raise Unavailable("licence", f"{message}; {ADVICE}") from None
+        if getattr(error, "return_code", None) == LICENSING:
+            raise Unavailable("licence", f"{_summary(error)}; {ADVICE}") from None
         if code is not None and code != 0:
             raise Ended(solver, code) from None
         raise RuntimeError(f"{type(error).__name__}: {_summary(error)}") from error
@@ -139,7 +153,7 @@ def explained(solver: str) -> Generator[None]:
 def _refusal() -> tuple[int, str]:
     """Return what GAMS says of its licence; nothing where it cannot even be asked."""
     try:
-        return gams_licence.refusal()
+        return refusal()
     except Exception:
         return 0, ""
 
@@ -148,3 +162,40 @@ def _summary(error: Exception) -> str:
     """Return the lines that GAMS marks with stars, else the first line."""
     lines = str(error).splitlines() or [""]
     return "; ".join(line.strip("* ") for line in lines if line.startswith("****")) or lines[0]
+
+
+def refusal() -> tuple[int, str]:
+    """Return GAMS' return code and complaints when it is started on an empty file (20 ms); (0, '') when all is well."""
+    with tempfile.TemporaryDirectory(prefix="gams-") as folder:
+        empty = Path(folder) / "empty.gms"
+        empty.touch()
+        command = [str(system_directory() / "gams"), str(empty), f"license={licence_file()}", "logOption=3"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=60)
+    if done.returncode == 0:
+        return 0, ""
+    complaints = [line.removeprefix("***").strip() for line in done.stdout.splitlines() if line.startswith("***")]
+    return done.returncode, "; ".join(complaints[:2]) or f"GAMS ended with return code {done.returncode}"
+
+
+def system_directory() -> Path:
+    """Return where gamspy takes GAMS from."""
+    import gamspy
+
+    return Path(gamspy.get_option("GAMS_SYSDIR"))
+
+
+def licence_file() -> Path:
+    """Return the licence that gamspy uses: GAMSPY_LICENSE_PATH, an installed one, the demo licence in the package."""
+    from gamspy.utils import _get_license_path
+
+    return Path(_get_license_path(os.fspath(system_directory())))
+
+
+@cache
+def most_rows() -> int | None:
+    """Return rows and columns that the licence allows, None for a licence without that limit."""
+    try:
+        text = licence_file().read_text(errors="replace")
+    except (ImportError, OSError):
+        return DEMO_ROWS  # the caller cannot solve anyway; without gamspy the demo licence is what comes with it
+    return DEMO_ROWS if "GAMS_Demo" in text else None

@@ -111,7 +111,7 @@ class QPBackend(Solver):
     def settings(self, budget: Budget) -> Settings:
         """Return what the backend is asked for, as `call` takes it; raises CpbenchError where that is said nowhere."""
         if self.spec.name not in TABLE:
-            tables = "qp_tolerances.TABLE and qp_stopping.TESTS"
+            tables = "TABLE and TESTS of qp_tolerances"
             raise CpbenchError(f"{self.spec.name}: is not in {tables}; define `settings` and `stopping` in its class")
         return translate(self.spec.name, budget)
 

@@ -1,8 +1,9 @@
-"""The one table that turns our budget into the settings of each QP backend.
+"""The test by which each QP backend ends, and the one table that turns our budget into its settings.
 
 Our tolerance ε asks every judged number of a QP answer (stationarity, primal and dual violation, duality gap, in
 the ∞-norm, on the problem as it was asked) for min(absolute, relative) ≤ ε, that is error ≤ ε·max(1, scale).
-No tolerance is looser than the backend's own default (`qp_stopping`); what a backend lacks (a time limit, a tolerance)
+No tolerance is looser than the backend's own default (`TESTS`: those of the versions that `pyproject.toml` asks for,
+∞ where a test is off by default); what a backend lacks (a time limit, a tolerance)
 is said in its row.
 
 A criterion error ≤ a + r·scale with a = r = ε/2 implies ours. The factors below are smaller where a backend's
@@ -18,15 +19,80 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from cpbench.formulations.programs import QP
+from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.base import Budget
 from cpbench.solvers.stopping import Stopping, no_looser
-from cpbench_adapters.qp_stopping import ABSOLUTE, TESTS, excess
 
 Settings: TypeAlias = dict[str, Any]
 
 INFEASIBILITY = 1e-7
 """Largest tolerance on a proof of infeasibility or unboundedness, whatever ε: OSQP's default 1e-4 calls PRIMALC1
 unbounded, which it is not."""
+
+
+ABSOLUTE = "absolute where data are below 1: it may pass too early, by the factor that they are below it"
+ZEROS = "the sizes below which it takes a number for 0, which it does not tell"
+_EIGHT = {"tol_feas": 1e-8, "tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8}
+_PROOFS = {"tol_infeas_abs": 1e-8, "tol_infeas_rel": 1e-8}
+_CVXOPT = {"feastol": 1e-7, "abstol": 1e-7, "reltol": 1e-6}
+_GAP = {"eps_duality_gap_abs": math.inf, "eps_duality_gap_rel": math.inf}
+_ACTIVE_SET = "violation of the rows, absolute; stationarity holds to rounding"
+
+
+def _of(test: str, differs: str, **defaults: float) -> Stopping:
+    return Stopping(test=test, differs=differs, defaults=defaults)
+
+
+TESTS: Mapping[str, Stopping] = {
+    "casadi-qpoases": _of("end of its homotopy, relative", "", terminationTolerance=5e6 * 2.0**-52),
+    "clarabel": _of("residuals over max(1, norms of data and iterates), gap", ABSOLUTE, **_EIGHT, **_PROOFS),
+    "copt": _of("feasibility, absolute", ABSOLUTE, FeasTol=1e-6, DualTol=1e-6),
+    "cvxopt": _of("2-norms of residuals over max(1, norms of data), gap", ABSOLUTE, **_CVXOPT),
+    "daqp": _of(_ACTIVE_SET, ABSOLUTE, primal_tol=1e-6, dual_tol=1e-12),
+    "gurobi": _of("feasibility, absolute; gap", ABSOLUTE, FeasibilityTol=1e-6, OptimalityTol=1e-6, BarConvTol=1e-8),
+    "highs": _of("feasibility, absolute", ABSOLUTE, primal_feasibility_tolerance=1e-7, dual_feasibility_tolerance=1e-7),
+    "osqp": _of(
+        "residuals and gap in the ∞-norm, absolute + relative",
+        ABSOLUTE,
+        eps_abs=1e-3,
+        eps_rel=1e-3,
+        eps_prim_inf=1e-4,
+        eps_dual_inf=1e-4,
+    ),
+    "piqp": _of(
+        "residuals and gap in the ∞-norm, absolute + relative",
+        ABSOLUTE,
+        eps_abs=1e-8,
+        eps_rel=1e-9,
+        eps_duality_gap_abs=1e-8,
+        eps_duality_gap_rel=1e-9,
+    ),
+    "proxqp": _of("residuals in the ∞-norm, absolute; gap", ABSOLUTE, eps_abs=1e-5, eps_rel=0.0, **_GAP),
+    "pyqpmad": _of(_ACTIVE_SET, ABSOLUTE, tolerance=1e-12),
+    "qpalm": _of(
+        "residuals in the ∞-norm, absolute + relative; no gap",
+        ABSOLUTE,
+        eps_abs=1e-4,
+        eps_rel=1e-4,
+        eps_prim_inf=1e-5,
+        eps_dual_inf=1e-5,
+    ),
+    "qtqp": _of("2-norms of residuals over max(1, norms of data and iterates), gap", ABSOLUTE, **_EIGHT, **_PROOFS),
+    "quadprog": dataclasses.replace(_of("exact active set: no tolerance", ZEROS), factor=math.inf),
+    "scs": _of(
+        "residuals and gap in the ∞-norm, absolute + relative", ABSOLUTE, eps_abs=1e-4, eps_rel=1e-4, eps_infeas=1e-7
+    ),
+    "sip": _of("residuals and gap, absolute or relative", ABSOLUTE, eps_abs=1e-8, eps_rel=1e-9),
+}
+"""Test and defaults by the backend's name; `settings` are left out, which depend on the tolerance."""
+
+
+def excess(problem: QP) -> float:
+    """Return by what an error relative to the data may exceed an absolute tolerance: 1 over the smallest size, below 1,
+    of objective, constants and bounds."""
+    bounds = [value[abs(value) < math.inf] for value in (problem.lb, problem.ub)]
+    sizes = [max_abs(value) for value in (problem.p, problem.b, problem.d, *bounds)]
+    return 1.0 / min([1.0, *(size for size in sizes if size > 0)])
 
 
 def translate(backend: str, budget: Budget) -> Settings:
@@ -187,16 +253,6 @@ def _copt(budget: Budget) -> Settings:
     return {"FeasTol": e, "DualTol": e, "Threads": 1} | _limits(budget, "BarIterLimit", 1000, "TimeLimit")
 
 
-def _mosek(budget: Budget) -> Settings:
-    """Return feasibilities and gap relative to the data (MSK_DPAR_INTPNT_QO_TOL_*): a tenth of ε. One thread."""
-    e = 0.1 * budget.tolerance
-    return (
-        {"intpnt_qo_tol_pfeas": e, "intpnt_qo_tol_dfeas": e, "intpnt_qo_tol_rel_gap": e, "num_threads": 1}
-        | {"intpnt_qo_tol_infeas": min(e, INFEASIBILITY)}
-        | _limits(budget, "intpnt_max_iterations", 400, "optimizer_max_time")
-    )
-
-
 def _qpoases(budget: Budget) -> Settings:
     """Return exact active set: the end of its homotopy, by default at 5e6·eps = 1.1e-9 (relative), follows ε only
     below. `CPUtime` bounds CPU, not wall, seconds."""
@@ -216,7 +272,6 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "daqp": _daqp,
     "gurobi": _gurobi,
     "highs": _highs,
-    "mosek": _mosek,
     "osqp": _osqp,
     "piqp": _piqp,
     "proxqp": _proxqp,

@@ -1,14 +1,13 @@
-"""Commercial QP backends, called through qpsolvers: copt, gurobi, mosek.
+"""Commercial QP backends, called through qpsolvers: copt and gurobi.
 
-None of them is run unless it is named. Without a licence Gurobi and COPT solve small problems only (2000 variables or
-rows); what they say of a larger one is a missing licence, as is what MOSEK says of all problems.
+None of them is run unless it is named. Without a licence they solve small problems only (2000 variables or rows); what
+they say of a larger one is a missing licence.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from functools import cache
-from typing import Any
 
 from cpbench.errors import Unavailable
 from cpbench.solvers.base import Availability, solvers
@@ -19,8 +18,6 @@ from cpbench_adapters.qpsolvers_backends import TabledBackend, table
 
 _COPT_LICENCE = 4
 """COPT's code for its licence, for which coptpy has no name."""
-_MOSEK_LICENCE = range(1000, 1041)
-"""The codes of MOSEK's answers that are about its licence."""
 
 
 class LicensedBackend(TabledBackend):
@@ -94,35 +91,6 @@ class Gurobi(LicensedBackend):
         return isinstance(cause, gurobipy.GurobiError) and cause.errno in about
 
 
-class Mosek(LicensedBackend):
-    """MOSEK by CVXOPT's interface, as qpsolvers does; what it does with a licence has not been seen here."""
-
-    def licence(self) -> str:
-        import mosek
-
-        try:
-            with mosek.Env() as env:
-                env.checkoutlicense(mosek.feature.pton)
-        except mosek.Error as cause:
-            return f"{cause.errno}: no licence for MOSEK; put one where MOSEKLM_LICENSE_FILE says"
-        return ""
-
-    def refused(self, cause: Exception) -> bool:
-        import mosek
-
-        return isinstance(cause, mosek.Error) and int(cause.errno) in _MOSEK_LICENCE
-
-    def guest_function(self) -> Any:
-        import mosek
-        from qpsolvers.solvers.mosek_ import mosek_solve_problem
-
-        def solve(problem: Any, **settings: Any) -> Any:
-            named = {getattr(mosek.dparam, key, None) or getattr(mosek.iparam, key): v for key, v in settings.items()}
-            return mosek_solve_problem(problem, mosek=named)
-
-        return solve
-
-
-CLASSES = {"copt": Copt, "gurobi": Gurobi, "mosek": Mosek}
+CLASSES = {"copt": Copt, "gurobi": Gurobi}
 for _row in table("licensed"):
     solvers.add(_row["name"], CLASSES[_row["name"]](_row))

@@ -58,6 +58,14 @@ class ScaledMCP:
         return point.vector / self.unit
 
 
+def small_problem(node: str) -> LCP | MLCP:
+    """Return an LCP or MLCP of two unknowns, for a warm-up."""
+    one = np.eye(1)
+    if node == "lcp":
+        return LCP(M=np.eye(2), q=np.array([-1.0, -2.0]))
+    return MLCP(A=one, B=one, C=one, D=-one, a=np.ones(1), b=-np.ones(1))
+
+
 def share(tolerance: float, strictness: float = 1.0) -> float:
     """Return the part of our tolerance that a guest is asked for, at most a tenth of it."""
     return max(SAFETY * tolerance * strictness, FLOOR)

@@ -15,17 +15,16 @@ from cpbench.solvers import solvers
 from cpbench.solvers.base import probe
 from cpbench_adapters.qp_tolerances import TABLE
 
-ADAPTERS = sorted([*TABLE, "cvxpy-relaxation"])
+ADAPTERS = sorted([*TABLE, "clarabel-relaxation"])
 LICENCES = {
     "casadi-qpoases": "LGPL-2.1-or-later",
     "clarabel": "Apache-2.0",
+    "clarabel-relaxation": "Apache-2.0",
     "copt": "proprietary",
     "cvxopt": "GPL-3.0-or-later",
-    "cvxpy-relaxation": "Apache-2.0",
     "daqp": "MIT",
     "gurobi": "proprietary",
     "highs": "MIT",
-    "mosek": "proprietary",
     "osqp": "Apache-2.0",
     "piqp": "BSD-2-Clause",
     "proxqp": "BSD-2-Clause",
@@ -72,7 +71,7 @@ def test_spec(name: str) -> None:
     assert spec.requires
     assert spec.licence == LICENCES[name]
     assert ("cpbench[gpl]" in spec.install) == spec.licence.startswith("GPL")
-    assert (spec.kind is Kind.RELAXATION) == (name == "cvxpy-relaxation")
+    assert (spec.kind is Kind.RELAXATION) == (name == "clarabel-relaxation")
 
 
 @pytest.mark.parametrize("name", ADAPTERS)

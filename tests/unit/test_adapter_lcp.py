@@ -18,7 +18,7 @@ from cpbench.formulations import LCP, MLCP
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
-from cpbench_adapters import gams_licence
+from cpbench_adapters import gams_workspace
 from cpbench_adapters.scaled_mcp import scaled_mcp
 
 ON_LCP = ("casadi-ipopt", "drake-lemke", "drake-moby", "gams-path")
@@ -137,7 +137,7 @@ def test_what_is_too_large_is_refused_with_the_number(name: str) -> None:
     solver = ready(name)
     n = 30_000
     why = solver.obstacle(LCP(M=sp.csr_array(sp.eye_array(n)), q=np.ones(n)))
-    if name not in GAMS or gams_licence.most_rows() is not None:
+    if name not in GAMS or gams_workspace.most_rows() is not None:
         assert str(n) in str(why)
 
 
@@ -155,7 +155,7 @@ def test_the_solvers_of_gams_say_what_may_be_published(name: str) -> None:
 def test_the_demo_of_gams_ends_at_1000_rows() -> None:
     """Measured: 1000 rows pass, 1001 are refused."""
     path = solvers.get("gams-path")
-    if gams_licence.most_rows() is None:
+    if gams_workspace.most_rows() is None:
         pytest.skip("does not apply: a licence without that limit")
 
     def identity(n: int) -> LCP:

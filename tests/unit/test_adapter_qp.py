@@ -26,10 +26,10 @@ from cpbench_adapters.qp_standard_form import standard_form
 from cpbench_adapters.qp_tolerances import TABLE, translate
 
 BACKENDS = sorted(TABLE)
-TIMED = ("casadi-qpoases", "clarabel", "copt", "daqp", "gurobi", "highs", "mosek", "osqp", "qpalm", "scs", "sip")
+TIMED = ("casadi-qpoases", "clarabel", "copt", "daqp", "gurobi", "highs", "osqp", "qpalm", "scs", "sip")
 """The backends that know a time limit."""
 PROPRIETARY = [name for name in BACKENDS if solvers.get(name).spec.licence == "proprietary"]
-UNCOUNTED = ("clarabel", "copt", "gurobi", "mosek")
+UNCOUNTED = ("clarabel", "copt", "gurobi")
 """The backends whose iterations qpsolvers drops."""
 
 
@@ -234,7 +234,7 @@ def test_the_false_unbounded_of_highs_comes_out_as_its_claim() -> None:
 
 @pytest.mark.parametrize("name", PROPRIETARY)
 def test_a_licence_that_does_not_do_says_so(name: str) -> None:
-    """The free licences of Gurobi and COPT end at 2000 variables, MOSEK has none."""
+    """The free licences of Gurobi and COPT end at 2000 variables."""
     solver = solvers.get(name)
     if solver.availability().state in ("missing", "broken"):
         pytest.skip(f"needs a licence: pip install 'cpbench[commercial]' and one of {name}")

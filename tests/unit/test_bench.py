@@ -119,7 +119,7 @@ def test_a_relaxation_runs_on_request_only_and_says_what_it_is(slot: Slot, tmp_p
     """A sliding contact: the relaxation's answer dilates, and its row says `relaxation`, never `equivalent`.
 
     Nobody has the problem that the solver solves, so that nothing is charged to it."""
-    asked, entries = [plan.exact()], [plan.parse_entry("cvxpy-relaxation")]
+    asked, entries = [plan.exact()], [plan.parse_entry("clarabel-relaxation")]
     survey = slot.survey(str(_contact(tmp_path)), asked)
     assert plan.pairs([survey], entries, asked, 1e-6, LIMITS) == []
     (pair,) = plan.pairs([survey], entries, asked, 1e-6, LIMITS, relaxations=True)

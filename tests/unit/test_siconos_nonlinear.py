@@ -26,7 +26,7 @@ from cpbench.solvers.external.session import ProgramError
 from cpbench.testing import cases
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
-from cpbench_adapters import siconos, siconos_nonlinear
+from cpbench_adapters import siconos, siconos_families
 from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 
 NCP_SOLVERS = ("siconos-ncp-newton-fb", "siconos-ncp-newton-min-fb", "siconos-ncp-pathsearch")
@@ -307,7 +307,7 @@ def test_what_siconos_cannot_hold_is_refused_before_the_solve() -> None:
         assert solvers.get(solver).obstacle(both) is None
     rows = VI(F=one, A=np.eye(1), b=[1.0])
     assert "1 rows" in str(solvers.get("siconos-vi-eg").obstacle(rows))
-    n = siconos_nonlinear.LARGEST + 1
+    n = siconos_families.LARGEST + 1
     assert f"n = {n}" in str(solvers.get("siconos-ncp-newton-fb").obstacle(NCP(F=graph(n, lambda z: z))))
 
 

@@ -28,7 +28,7 @@ from cpbench.testing.units import in_unit
 from cpbench.verification import judge
 from cpbench_adapters import siconos, siconos_families
 from cpbench_adapters.gams_mcp import path_settings
-from cpbench_adapters.qp_stopping import TESTS
+from cpbench_adapters.qp_tolerances import TESTS
 
 
 def _package(tolerance: float) -> Stopping:
