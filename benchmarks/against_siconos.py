@@ -2,11 +2,10 @@
 
     python benchmarks/against_siconos.py [--data FOLDER] [--parts lcp,contact,...] [--rows] [--picture FILE]
 
-Runs the races of the scripts beside it, one after the other: LCP, contact and mixed problems against Siconos, QPs
-against the installed backends, first solves against the clock.
-A ratio is their time over ours. FOLDER holds real files in the folders `fc3d_local` and `mlcp`; without it only
-generated problems are raced. Printed first is every race that was lost, or not solved where they solved; then a line
-for each requirement with the least and the geometric mean of its ratios. About 25 minutes on a quiet machine.
+Runs the races of the scripts beside it, one after the other: LCP and contact against Siconos, QPs against the installed
+backends, first solves against the clock. A ratio is their time over ours. FOLDER holds real files of contact; without
+it only generated problems are raced. Printed first is every race that was lost, or not solved where they solved; then a
+line for each requirement with the least and the geometric mean of its ratios. About 25 minutes on a quiet machine.
 """
 
 from __future__ import annotations
@@ -83,8 +82,6 @@ ASKED = (
         Asked(f"auto-fc to {t:.0e}, where one compiled call is all", "contact kernel", 1, tolerance=t)
         for t in (1e-4, 1e-8)
     ),
-    Asked("MLCP, best against best", "mlcp best", 1),
-    Asked("MLCP, one compiled call", "mlcp kernel", 1),
     Asked("QP, best native against best backend", "qp best", 0.5),
     Asked("first solve in a warm worker: 0.8 s / time", "first warm", 1),
     Asked("first solve ever: 15 s / time", "first ever", 1),
@@ -93,18 +90,15 @@ ASKED = (
 
 def parts(data: Path | None) -> dict[str, list[str]]:
     """Part -> the script that races it, with its arguments."""
-    contacts = data / "fc3d_local" if data else None
-    mixed = ["--data", str(data / "mlcp")] if data else []
     table = {
         "lcp": ["lcp_against_siconos.py", "--sizes", "5,10,20,50,1000"],
-        "mlcp": ["mlcp_against_siconos.py", "--races", "best,kernel", *mixed],
         "qp": ["qp_against_backends.py"],
         "first": ["first_solve.py"],
         "fresh": ["first_solve.py", "--fresh"],
     }
-    if contacts is not None:
+    if data is not None:
         races = ["--races", "auto,nsgs,sweep", "--most", str(FEW_CONTACTS)]
-        table["contact"] = ["contact_against_siconos.py", str(contacts), *races]
+        table["contact"] = ["contact_against_siconos.py", str(data), *races]
     return table
 
 
@@ -166,17 +160,13 @@ def raced(data: Path | None, chosen: list[str]) -> list[Race]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, help="real files, in the folders fc3d_local and mlcp")
-    parser.add_argument("--parts", default="lcp,contact,mlcp,qp,first,fresh")
-    parser.add_argument("--again", type=Path, nargs="+", metavar="FILE", help="races that --json kept, none are run")
+    parser.add_argument("--data", type=Path, help="real files of contact problems")
+    parser.add_argument("--parts", default="lcp,contact,qp,first,fresh")
     parser.add_argument("--json", type=Path, help="keep the races there")
     parser.add_argument("--rows", action="store_true", help="print every race, too")
     parser.add_argument("--picture", type=Path, help="draw the ratios there (.png, .svg)")
     asked_for = parser.parse_args()
-    if asked_for.again:
-        rows = [row for file in asked_for.again for row in read(file)]
-    else:
-        rows = raced(asked_for.data, asked_for.parts.split(","))
+    rows = raced(asked_for.data, asked_for.parts.split(","))
     write(asked_for.json, rows)
     rows.sort(key=lambda row: math.inf if row.ratio is None else row.ratio)
     lost = [row for row in rows if row.lost]

@@ -10,16 +10,15 @@ and so is the final check of our solvers. Every answer is measured by us, `natur
 number their tests use: a time counts only where all answers of a side are within TOLERANCE.
 
 `lemke` and `pivot` measure our lemke as it is delivered: up to 250 unknowns it begins at w = q as theirs do, beyond
-at the basis that a few sweeps point to. `lemke-plain` and `pivot-plain` measure it there without that start.
+at the basis that a few sweeps point to.
 `best` takes on each side the fastest that solved, chosen afterwards, and names it. `kernel` is the compiled loop of
-lemke from M and q to z, called as Siconos' function is called, and `batch` the same for all problems in one call;
-`batch-2` on two threads and in wall time on both sides, which says something where two cores are free.
+lemke from M and q to z, called as Siconos' function is called, and `batch-2` the same for all problems in one call on
+two threads, in wall time on both sides, which says something where two cores are free.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import math
 import os
@@ -60,8 +59,6 @@ SICONOS = {
 """Their name -> number, function, iterations (0: their default); dparam[0] is TOLERANCE, the rest as delivered."""
 OURS = {"lemke": 0, "bpp": 0, "newton-min": 0, "pgs": SWEEPS}
 """Our name -> iterations (0: its default); the budget's tolerance is TOLERANCE, options as delivered."""
-PLAIN = "lemke[crash_sweeps=0]"
-"""Our lemke begun at w = q whatever the size."""
 
 
 def problem_data(family: str, n: int, seed: int):
@@ -204,13 +201,11 @@ class Row:
         self.ratios = [a / b for a, b in times]
         self.theirs.seconds, self.ours.seconds = (statistics.median(column) for column in zip(*times, strict=True))
 
-    def race_as_data(self, what: str) -> race_rows.Race:
+    def as_data(self) -> race_rows.Race:
         ratio = None if math.isnan(self.ratio) else self.ratio
         lost = self.theirs.solved and (ratio is None or ratio < 1.0)
         names = self.theirs.name, self.ours.name
-        return race_rows.Race(
-            f"{what} {self.what}", f"{self.family} n={self.n}", self.n, TOLERANCE, ratio, lost, *names
-        )
+        return race_rows.Race(f"lcp {self.what}", f"{self.family} n={self.n}", self.n, TOLERANCE, ratio, lost, *names)
 
     def __str__(self) -> str:
         shown = [
@@ -250,12 +245,12 @@ class Siconos:
         self._process.wait(timeout=30)
 
 
-def registered(name: str, problems: list, iterations: int, **chosen: Any) -> tuple[Callable[[int], float], list]:
+def registered(name: str, problems: list, iterations: int) -> tuple[Callable[[int], float], list]:
     """How a registered solver is measured, called as the runner does without `setup`, and where its points will be."""
     from cpbench.solvers import Budget, solvers
 
     solver = solvers.get(name)
-    options = solver.spec.options(**chosen)
+    options = solver.spec.options()
     budget = Budget(tolerance=TOLERANCE, iterations=iterations or None)
     prepared = [solver.setup(p, budget, options) for p in problems]
     found: list = []
@@ -267,13 +262,10 @@ def registered(name: str, problems: list, iterations: int, **chosen: Any) -> tup
 
 
 def native(name: str, problems: list) -> Side:
-    """One of OURS, or PLAIN."""
+    """One of OURS."""
     import numpy as np
 
-    if name == PLAIN:
-        measure, found = registered("lemke", problems, 0, crash_sweeps=0)
-    else:
-        measure, found = registered(name, problems, OURS[name])
+    measure, found = registered(name, problems, OURS[name])
 
     def answers() -> Any:
         return [np.full(p.q.size, math.nan) if z is None else z.z for z, p in zip(found, problems, strict=True)]
@@ -298,43 +290,37 @@ def kernel(problems: list) -> Side:
     return Side("kernel", lambda repeats: loop(solve_all, len(data), repeats), lambda: [z for _, _, z in data])
 
 
-def batch(problems: list, threads: int = 1) -> Side:
-    """All problems in one call; on several threads MANY times over, for threads take time to start, in wall time."""
+def batch(problems: list) -> Side:
+    """All problems in one call on two threads, MANY times over, for threads take time to start, in wall time."""
     import numpy as np
 
     from cpbench.formulations import LCP
     from cpbench.formulations.stack import Stack
     from cpbench_solvers.stacks import solve_lcp
 
-    many = 1 if threads == 1 else MANY
-    M, q = np.array([p.M for p in problems] * many), np.array([p.q for p in problems] * many)
+    M, q = np.array([p.M for p in problems] * MANY), np.array([p.q for p in problems] * MANY)
     stack, found = Stack.of_arrays(LCP, {"M": M, "q": q}), [None]
 
     def solve_all() -> None:
-        found[0] = solve_lcp(stack, 0.0, threads)["z"]
+        found[0] = solve_lcp(stack, 0.0, 2)["z"]
 
     def measure(repeats: int) -> float:
-        with one_core.let_go() if threads > 1 else contextlib.nullcontext():
-            return loop(solve_all, len(q), repeats, wall=threads > 1)
+        with one_core.let_go():
+            return loop(solve_all, len(q), repeats, wall=True)
 
-    return Side("batch" if threads == 1 else f"batch-{threads}", measure, lambda: found[0][: len(problems)])
+    return Side("batch-2", measure, lambda: found[0][: len(problems)])
 
 
 RACES = {
     "lemke": (("lexicolemke",), ("lemke",)),
-    "lemke-plain": (("lexicolemke",), (PLAIN,)),
     "pivot": (("pivot",), ("lemke",)),
-    "pivot-plain": (("pivot",), (PLAIN,)),
     "kernel": (("lexicolemke",), ("kernel",)),
-    "batch": (("lexicolemke",), ("batch",)),
     "batch-2": (("lexicolemke",), ("batch-2",)),
     "best": (tuple(SICONOS), tuple(OURS)),
 }
 """Race -> their candidates, ours."""
-SMALL_ONLY = ("kernel", "batch", "batch-2")
+SMALL_ONLY = ("kernel", "batch-2")
 """Not for n = 1000, where lemke is more than one compiled loop."""
-LARGE_ONLY = ("lemke-plain", "pivot-plain")
-"""Not for n = 200 and less, where lemke is begun so anyway."""
 
 
 def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Path) -> Iterator[Row]:
@@ -349,7 +335,7 @@ def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Pat
     problems = [LCP(M=M, q=q) for M, q in data]
     probed: dict[tuple[bool, str, bool], Side] = {}
 
-    compiled = {"kernel": kernel, "batch": batch, "batch-2": partial(batch, threads=2)}
+    compiled = {"kernel": kernel, "batch-2": batch}
 
     def fastest(names: tuple[str, ...], is_ours: bool, wall: bool) -> Side:
         for name in names:
@@ -362,7 +348,7 @@ def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Pat
         return replace(min((probed[is_ours, name, wall] for name in names), key=lambda side: side.seconds))
 
     for what in races:
-        if what in (SMALL_ONLY if n >= 1000 else LARGE_ONLY if n <= 200 else ()):
+        if n >= 1000 and what in SMALL_ONLY:
             continue
         theirs, ours = RACES[what]
         wall = what == "batch-2"
@@ -381,7 +367,7 @@ def main(python: str, families: list[str], sizes: list[int], races: list[str], p
                     rows.append(row)
                     print(f"# {row}", file=sys.stderr, flush=True)
         siconos.close()
-    race_rows.write(path, [row.race_as_data("lcp") for row in rows])
+    race_rows.write(path, [row.as_data() for row in rows])
     rows.sort(key=lambda row: (not math.isnan(row.ratio), row.ratio >= 1.0))
     print(
         f"{'ratio':>8s}  {'least to most':18s} {'race':11s} {'family':16s} {'n':>5s}  {'theirs [us] (error)':>19s}",

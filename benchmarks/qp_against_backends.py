@@ -31,22 +31,9 @@ from cpbench.solvers import Budget, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
 
-NATIVE = (
-    "dual-active-set",
-    "proximal-active-set",
-    "interior-point-qp",
-    "augmented-lagrangian",
-)
+NATIVE = ("dual-active-set", "proximal-active-set", "interior-point-qp", "augmented-lagrangian")
 BACKENDS = ("piqp", "proxqp", "quadprog", "daqp", "osqp", "clarabel", "highs", "pyqpmad", "qpalm", "cvxopt")
-LARGE = (
-    "interior-point-qp",
-    "augmented-lagrangian",
-    "piqp",
-    "osqp",
-    "clarabel",
-    "qpalm",
-    "cvxopt",
-)
+LARGE = ("interior-point-qp", "augmented-lagrangian", "piqp", "osqp", "clarabel", "qpalm", "cvxopt")
 """Who is asked for sparse problems of 2000 unknowns: the others are dense."""
 SLOW = 10.0
 """Who takes this many times the best of the first round is not asked again."""
