@@ -10,8 +10,8 @@ import cpbench
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = {
     "errors", "foundation.matrices", "foundation.cones", "formulations.expressions", "graph",
-    "formulations.base", "formulations.conic", "conversions.base", "solvers.base", "storage",
-    "report.canvas", "report.show",
+    "formulations.base", "formulations.conic", "formulations.ncp_functions", "conversions.base", "solvers.base",
+    "storage", "report.canvas", "report.show",
 }  # fmt: skip
 """Beside `cpbench` itself: registries that it walks through, and the figures of problems that it shows."""
 

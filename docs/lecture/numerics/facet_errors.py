@@ -11,10 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.conversions.base import make
-from cpbench.errors import CpbenchError, ProblemError
-from cpbench.formulations.contact import opposition
-from cpbench.formulations.local_contact import FrictionContact
+from cpbench import CpbenchError, FrictionContact, make
+from cpbench.errors import ProblemError
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, solve
 
@@ -81,8 +79,8 @@ def faceted_slide(
         r = edge.lift(done.point, trace).r
         share[k] = r[1:] / (mu * r[0])
         velocity[k] = (problem.W @ r + problem.q)[1:]
-    ones = np.ones(len(share))
-    angle, _ = opposition(ones, share, velocity, ones, 0.0 * ones)
+    across = share[:, 0] * velocity[:, 1] - share[:, 1] * velocity[:, 0]
+    angle = np.degrees(np.arctan2(np.abs(across), -np.einsum("ki,ki->k", share, velocity)))
     return FacetedSlide(side, facets, direction, share, -np.einsum("ki,ki->k", share, tangents), angle)
 
 
