@@ -32,6 +32,8 @@ from cpbench.storage.base import write_atomic
 from cpbench.storage.hdf5_tree import new_file, put_array, put_attribute
 
 VERSION = 4
+NAMES = ("node", "fingerprint", "level", "unique", "distance", "excluded", "solutions", "tolerance", "margin")
+"""Attributes of a certificate's group."""
 MEASURED, ENCLOSED, PROVED, DISTANT, REFUTED = "measured", "enclosed", "proved", "distant", "refuted"
 STATIONARY = "stationary"
 INFEASIBLE, UNBOUNDED = "infeasible", "unbounded"
@@ -104,17 +106,7 @@ def image(certificate: Certificate, problem: Problem | None = None) -> bytes:
     with new_file() as (root, made):
         own = root.create_group("certificate")
         put_attribute(own, "format_version", VERSION)
-        for name in (
-            "node",
-            "fingerprint",
-            "level",
-            "unique",
-            "distance",
-            "excluded",
-            "solutions",
-            "tolerance",
-            "margin",
-        ):
+        for name in NAMES:
             put_attribute(own, name, getattr(certificate, name))
         put_array(own, "answer", certificate.answer, compress=True)
         _put_all(own.create_group("evidence"), dict(certificate.evidence))

@@ -36,8 +36,7 @@ from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
 from cpbench.storage.base import split_address
-from cpbench_lab.cluster.client_watch import client_watch
-from cpbench_lab.cluster.dask_worker import IDLE, RemoteWorkerPlugin, TaskResult, run_block
+from cpbench_lab.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
 from cpbench_lab.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, WorkerSetup
 
 logger = logging.getLogger("cpbench.bench")
@@ -125,14 +124,6 @@ class _Run:
     def outcomes(self) -> Generator[tuple[Pair, Outcome]]:
         """Yield the outcome of every pair."""
         try:
-            self._client.register_plugin(client_watch(self._client.id, self._name), name=self._name)
-        except Exception as cause:
-            logger.warning(
-                "the Dask scheduler takes no plugin (%s): where this process is killed, those at work end after %g s",
-                cause,
-                IDLE,
-            )
-        try:
             self._client.register_plugin(self._plugin, name=self._name)
         except Exception as cause:  # of one worker: the others have the plugin
             self._refuse(str(cause))
@@ -154,7 +145,6 @@ class _Run:
         def remove() -> None:
             with contextlib.suppress(Exception):
                 self._client.unregister_worker_plugin(self._name)
-                self._client.unregister_scheduler_plugin(self._name)
 
         # a worker that does not answer would hold up this process
         thread = threading.Thread(target=remove, daemon=True)

@@ -175,31 +175,4 @@ def _view(axes: Axes3D, along: Vector, mu: float) -> None:
         length = TOP * 1.1 if end[2] else reach * 1.05
         x, y, z = np.array(end) * length
         axes.plot([0, x], [0, y], [0, z], color=canvas.GREY, linewidth=0.7, zorder=2)
-        if end[2]:
-            axes.text(x, y, 1.09 * z, label, color="#555555", fontsize=7, ha="center", va="center")
-        else:
-            _name_axis(axes, (x, y, z), label)
-
-
-def _name_axis(axes: Any, end: tuple[float, float, float], label: str) -> None:
-    """Write the label beside the end of an axis, on the side that is farthest from its line and from the arrows and
-    words that are there, as they are seen.
-    """
-    from mpl_toolkits.mplot3d import proj3d
-    from mpl_toolkits.mplot3d.art3d import Text3D
-
-    def seen(x: float, y: float, z: float) -> Vector:
-        across, up, _ = proj3d.proj_transform(x, y, z, axes.get_proj())
-        return np.asarray(axes.transData.transform((across, up)))
-
-    point = axes.figure.dpi / 72.0
-    tip = seen(*end)
-    words = [text.get_position_3d() for text in axes.texts if isinstance(text, Text3D)]
-    lines = [seen(*(share * np.array(far))) for far in (end, *words) for share in np.linspace(0.0, 0.97, 24)]
-    taken = np.array([*lines, *(seen(*at) - (shift * point, 0.0) for at in words for shift in (0.0, 16.0))])
-    turn = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    sides = 8.5 * np.column_stack([np.cos(turn), np.sin(turn)])
-    apart = [float(np.linalg.norm(taken - tip - side * point, axis=1).min()) for side in sides]
-    x, y, _ = proj3d.proj_transform(*end, axes.get_proj())
-    look = {"color": "#555555", "fontsize": 7, "ha": "center", "va": "center"}
-    axes.annotate(label, (x, y), tuple(sides[int(np.argmax(apart))]), textcoords="offset points", **look)
+        axes.text(1.09 * x, 1.09 * y, 1.09 * z, label, color="#555555", fontsize=7, ha="center", va="center")
