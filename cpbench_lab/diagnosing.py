@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,21 +14,15 @@ from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.verification import PROVEN
-from cpbench_lab.certifying import certify
 
 if TYPE_CHECKING:
     from cpbench_lab.diagnosis.attempts import SolverTrial
-    from cpbench_lab.diagnosis.deadline import Deadline
     from cpbench_lab.diagnosis.diagnosis import Diagnosis
 
 SECONDS = 10.0
 """Limit of a solve [s], where none is given."""
 MINUTES = 2.0
 """Time of a whole explanation by the command."""
-CERTIFIED_SIZE = 200
-"""Unknowns up to which a certificate is looked for here: exact systems of this size take about a second."""
-CERTIFIED_SECONDS = 5.0
-"""Time of a certificate [s]."""
 
 
 def diagnose(
@@ -79,6 +71,7 @@ def diagnose_apart(
     `minutes` : time of it all; what is found by then is returned. `say` : takes a line on what is being tried.
     `address` : of the problem, for the command that certifies it.
     """
+    from cpbench_lab.certificates.mixed import provable
     from cpbench_lab.diagnosis.apart import Apart
     from cpbench_lab.diagnosis.attempts import attempt
     from cpbench_lab.diagnosis.deadline import Deadline
@@ -88,41 +81,9 @@ def diagnose_apart(
     with Apart(limits.threads, limits.memory, deadline, say) as run:
         result = diagnosed(trial, partial(attempt, run=run), say=say, deadline=deadline, foreign=True)
     none = result.failed.status in PROVEN or (result.cause is not None and result.cause.kind in PROVEN)
-    if result.complaint is None or none:
+    if result.complaint is None or none or not provable(trial.problem.node):
         return result
-    return replace(result, certificate=_certified(result, deadline, say, address))
-
-
-def _certified(found: Diagnosis, deadline: Deadline, say: Callable[[str], None], address: str) -> str:
-    """Return what a certificate says of the most accurate answer, or why none was made; '' where no proof is known."""
-    from cpbench_lab.certificates.mixed import provable
-    from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
-
-    problem = found.failed.trial.problem
-    if not provable(problem.node):
-        return ""
-    right = [(one.error, one.answer) for one in found.tried if one.works]
-    right += [(found.failed.error, found.failed.answer)] if found.failed.solved else []
-    answer = min(right, key=lambda one: one[0], default=(math.inf, None))[1]
-    unknowns = sum(problem.point_sizes.values())
-    if answer is None:
-        why = "no answer that meets the tolerance is known here"
-    elif unknowns > CERTIFIED_SIZE:
-        why = f"{unknowns} unknowns, it is quick to {CERTIFIED_SIZE}"
-    elif importlib.util.find_spec("flint") is None:
-        why = "python-flint is not installed: pip install 'cpbench[certify]'"
-    else:
-        seconds = min(CERTIFIED_SECONDS, deadline.left)
-        say(f"trying certify, at most {seconds:.2g} s")
-        try:
-            certificate = Deadline.after(seconds).run(lambda: certify(problem, answer, seconds=seconds))
-        except OutOfTime:
-            why = f"it was not done in {seconds:.2g} s"
-        else:
-            level, distance = certificate.level, certificate.distance
-            known = f": a solution is within {distance:.1e} of the answer's size" if math.isfinite(distance) else ""
-            return f"{level}{known} (cpbench certify {address})"
-    return f"not run, {why}: cpbench certify {address} looks for a proof of the true answer"
+    return replace(result, certificate=f"cpbench certify {address} looks for a proof of the true answer")
 
 
 def trial_of_row(

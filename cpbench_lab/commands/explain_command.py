@@ -56,7 +56,7 @@ def command(
     The pair is solved again. A property is a cause if it is proved to be, or if the same solver succeeds on the nearest
     problem without it; else it is suspected. A right answer may have other complaints: what the solver claims of it, or
     its time. Remedies are tried, and their answers measured on the original problem: limits, tolerance, units, start,
-    solvers of other methods and formulations, cpbench certify. With RESULTS, options, route, tolerance and limit are
+    solvers of other methods and formulations. With RESULTS, options, route, tolerance and limit are
     those of the row. `cpbench graph PROBLEM --explain` says why a problem cannot reach a formulation. The exit code is
     1 when no remedy works.
     """

@@ -72,7 +72,7 @@ class Diagnosis:
     cause : the first one that is proved, or without which the same solver succeeds; None where there is none.
     suspected : properties that were looked at before it and are not confirmed.
     tried : remedies and their outcomes. fastest : seconds of the automatic choice [s], infinite where not asked.
-    certificate : what `cpbench certify` adds. unfinished : what was not done when the time was over, '' otherwise.
+    certificate : how a proof is looked for. unfinished : what was not done when the time was over, '' otherwise.
     """
 
     failed: TrialOutcome

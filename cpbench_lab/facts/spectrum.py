@@ -34,8 +34,6 @@ SPARSE_WORK = 2e10
 """Bound on n·bandwidth² of a sparse matrix that is factored."""
 PRODUCT_WORK = 1e9
 """Bound on the entries that the products of an estimate touch."""
-SKETCH = 64
-"""Columns of a sketch of a matrix too large for anything else."""
 EPS = float(np.finfo(float).eps)
 SCALED = "after scaling to unit diagonal"
 
@@ -134,11 +132,6 @@ def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
             return Fact(
                 label, name, rank, How.FACTORIZATION, tolerance=threshold, evidence=f"eigenvalues of {what} above it"
             )
-    if matrices.nnz(M) * SKETCH <= 10 * PRODUCT_WORK:
-        Y = np.asarray(M @ np.random.default_rng(0).standard_normal((cols, SKETCH)))
-        rank = int(np.linalg.matrix_rank(Y))
-        if rank < SKETCH:
-            return Fact(label, name, rank, How.ESTIMATE, evidence=f"rank of its product with {SKETCH} random vectors")
     return undecided(label, name, f"{rows}x{cols} with {matrices.nnz(M)} nonzeros is too large to factor")
 
 
