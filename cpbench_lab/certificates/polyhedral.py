@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from cpbench.foundation.matrices import Vector
-from cpbench_lab.certificates.active_sets import BASIC, States, candidates, solved
+from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, candidates, solved
 from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest
 from cpbench_lab.certificates.mixed import Mixed
@@ -23,6 +24,8 @@ from cpbench_lab.certificates.vertices import at_vertex
 
 ROUNDS, SINGLE = 10, 40
 """Changes of the active set: at all wrong places, then at the first wrong one."""
+FEW = 8
+"""Unknowns of which all choices of those at their bounds are tried."""
 
 
 def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
@@ -44,7 +47,29 @@ def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
         if result.support is not None:
             return result
         reason = result.reason or reason
+    for states, near in known:
+        result = _of_some(P, K, states, near, deadline)
+        if result.support is not None:
+            return result
     return ExactPoint(None, [], reason)
+
+
+def _of_some(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> ExactPoint:
+    """Return the exact point where some of a few basic unknowns are at their bounds instead, whichever they are: sides
+    that nearly meet in a point are not told apart in doubles."""
+    doubtful = np.flatnonzero((states == BASIC) & np.isfinite(np.minimum(np.abs(P.lo), np.abs(P.hi))))
+    bounds = np.where(near[doubtful] - P.lo[doubtful] <= P.hi[doubtful] - near[doubtful], LOWER, UPPER)
+    if doubtful.size > FEW:
+        return ExactPoint(None, [])
+    for chosen in product((False, True), repeat=doubtful.size):
+        if time.perf_counter() > deadline:
+            break
+        changed = states.copy()
+        changed[doubtful[list(chosen)]] = bounds[list(chosen)]
+        result = exact_point(P, K, changed, near)
+        if result.support is not None and not violations(P, K, result.x):
+            return result
+    return ExactPoint(None, [])
 
 
 def _pivoted(
