@@ -74,16 +74,8 @@ def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector) -> ExactPo
 
 def sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:
     """Return −c − Kx of some rows; unknowns that are still to come are 0."""
-    sides: list[Any] = []
-    for i in rows.tolist():
-        total = -rational(float(P.c[i]))
-        unit = rational(2.0 ** K.exponents[i]) if abs(K.exponents[i]) < 1000 else None
-        for value, j in zip(K.values[i], K.columns[i], strict=True):
-            if x[j] != 0:
-                term = x[j] * value
-                total -= term * unit if unit is not None else term * rational(2.0) ** K.exponents[i]
-        sides.append(total)
-    return sides
+    chosen = rows.tolist()
+    return [-rational(float(P.c[i])) - v for i, v in zip(chosen, K.products(x, chosen), strict=True)]
 
 
 def violations(P: Mixed, K: ExactRows, x: Sequence[Any]) -> list[tuple[int, int]]:

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from flint import arb
 
 from cpbench.formulations.base import Problem
@@ -38,7 +39,7 @@ from cpbench_lab.certificates.krawczyk import balls, digits, up
 from cpbench_lab.certificates.mixed import CONTACTS, POLYHEDRAL, Mixed, mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
 from cpbench_lab.certificates.refutation import ROWS, excluded
-from cpbench_lab.certificates.uniqueness import leading, uniqueness
+from cpbench_lab.certificates.uniqueness import uniqueness
 
 ENUMERATION = "enumeration"
 """The fact that makes a solution unique where all bases were looked at."""
@@ -123,7 +124,7 @@ def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificat
     size = P.answer.shape[0]
     unique = ""
     if problem.node in POLYHEDRAL:
-        unique = uniqueness(leading(P.K, size), box=size == P.c.size)
+        unique = uniqueness(sp.csr_array(P.K[:size][:, :size]), box=size == P.c.size)
     every, uncounted = None if unique else all_solutions(problem), plain
     if every is not None:
         plain = _counted(plain, every)

@@ -80,7 +80,7 @@ def direction(P: WithRows, z: Vector, radius: float) -> Mapping[str, NDArray[Any
     held[np.abs(d) <= TIGHT] = 0.0
     held[columns] = np.nan
     exact = [rational(0.0 if v != v else v) for v in held.tolist()]
-    sides = [-v for v in _times(P.exact_rows, rows.tolist(), exact)]
+    sides = [-v for v in P.exact_rows.products(exact, rows.tolist())]
     part = solve(P.exact_rows, rows, columns, sides) if rows.size else []
     if part is None:
         return None
@@ -125,8 +125,8 @@ def _outside(P: WithRows, z: Vector, radius: float) -> bool:
     """Return whether one condition fails all over the box."""
     r, x = rational(radius), [rational(v) for v in z.tolist()]
     beside = [(v, r, low, high) for v, low, high in zip(x, P.lb.tolist(), P.ub.tolist(), strict=True)]
-    reach = _times(P.exact_rows, range(P.low.size), [r] * z.size, absolute=True)
-    values = _times(P.exact_rows, range(P.low.size), x)
+    reach = P.exact_rows.products([r] * z.size, absolute=True)
+    values = P.exact_rows.products(x)
     beside += zip(values, reach, P.low.tolist(), P.high.tolist(), strict=True)
     return any(
         (low > -np.inf and v + away < rational(low)) or (high < np.inf and v - away > rational(high))
@@ -142,24 +142,13 @@ def _refutes(P: WithRows, z: Vector, radius: float, d: Sequence[Any]) -> bool:
             own > 0 and high < np.inf and v + r >= rational(high)
         ):
             return False
-    every = range(P.low.size)
-    moved, values = _times(P.exact_rows, every, d), _times(P.exact_rows, every, x)
-    reach = _times(P.exact_rows, every, [r] * n, absolute=True)
+    moved, values = P.exact_rows.products(d), P.exact_rows.products(x)
+    reach = P.exact_rows.products([r] * n, absolute=True)
     for step, v, away, low, high in zip(moved, values, reach, P.low.tolist(), P.high.tolist(), strict=True):
         if low == high and step != 0:
             return False
         if step < 0 and low > -np.inf and v - away <= rational(low):
             return False
-    slope = _times(P.transposed, range(n), d)
+    slope = P.transposed.products(d)
     total = sum((a * v + abs(a) * r for a, v in zip(slope, x, strict=True)), rational(0.0))
     return total + sum((rational(a) * v for a, v in zip(P.q.tolist(), d, strict=True)), rational(0.0)) < 0
-
-
-def _times(K: ExactRows, rows: Any, x: Sequence[Any], *, absolute: bool = False) -> list[Any]:
-    """Return rows times x, of the absolute values where asked."""
-    result: list[Any] = []
-    for i in rows:
-        pairs = zip(K.values[i], K.columns[i], strict=True)
-        total = sum((x[j] * (abs(v) if absolute else v) for v, j in pairs), rational(0.0))
-        result.append(total * rational(2.0) ** K.exponents[i])
-    return result

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from flint import fmpq
 
 from cpbench.foundation.matrices import Sparse, Vector
 from cpbench_lab.certificates.contact_balls import Scene
@@ -33,14 +32,7 @@ def rounded(x: Vector) -> Iterator[Vector]:
 
 def affine(matrix: Sparse, constants: Vector, x: Sequence[Any]) -> list[Any]:
     """Matrix · x + constants over the rationals."""
-    rows, result = ExactRows.of(matrix), list[Any]()
-    for i, c in enumerate(constants.tolist()):
-        total, exponent = fmpq(0), rows.exponents[i]
-        for value, j in zip(rows.values[i], rows.columns[i], strict=True):
-            total += x[j] * value
-        unit = fmpq(2) ** exponent
-        result.append(total * unit + rational(c))
-    return result
+    return [v + rational(c) for v, c in zip(ExactRows.of(matrix).products(x), constants.tolist(), strict=True)]
 
 
 def solves_contacts(scene: Scene, x: Vector) -> bool:

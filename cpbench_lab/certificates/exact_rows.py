@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -71,6 +71,15 @@ class ExactRows:
         """Row · numerators, exact, as (integer, exponent of 2)."""
         pairs = zip(self.values[row], self.columns[row], strict=True)
         return sum((numerators[j] * value for value, j in pairs), fmpz(0)), self.exponents[row]
+
+    def products(self, x: Sequence[Any], rows: Iterable[int] | None = None, *, absolute: bool = False) -> list[Any]:
+        """Return rows times x over the rationals, all rows by default; of the absolute values where asked."""
+        found: list[Any] = []
+        for i in range(len(self.values)) if rows is None else rows:
+            pairs = zip(self.values[i], self.columns[i], strict=True)
+            total = sum((x[j] * (abs(v) if absolute else v) for v, j in pairs), fmpq(0))
+            found.append(total * fmpq(2) ** self.exponents[i])
+        return found
 
 
 def over_one(values: Sequence[Any]) -> tuple[list[Any], Any]:

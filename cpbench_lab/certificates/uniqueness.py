@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from flint import fmpz_mat
 from scipy.linalg import solve_triangular
 
@@ -91,8 +90,3 @@ def integer_matrix(dense: Any, bits: int | None = None) -> Any:
     shifts = (exponents.astype(np.int64) - 53 - least).ravel().tolist()
     entries = [value << shift if value else 0 for value, shift in zip(whole, shifts, strict=True)]
     return fmpz_mat(*dense.shape, entries)
-
-
-def leading(K: Sparse, size: int) -> Sparse:
-    """Return the block of the first unknowns."""
-    return sp.csr_array(K[:size][:, :size])

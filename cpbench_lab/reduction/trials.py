@@ -71,7 +71,7 @@ class Trials:
 
     def __init__(self, asked: Asked, end: float, journal: Path | None = None) -> None:
         self.asked, self.end = asked, end
-        self.tried, self.remembered = 0, 0
+        self.tried = 0
         self.solvable = asked.predicate.needs_other
         self._journal = journal
         self._known: dict[str, bool] = _read(journal)
@@ -105,7 +105,6 @@ class Trials:
         """Return whether the failure is there on a candidate; False once the time is over."""
         known = self._known.get(problem.fingerprint)
         if known is not None:
-            self.remembered += 1
             return known
         if self.over:
             return False
