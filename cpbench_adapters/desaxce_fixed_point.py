@@ -33,9 +33,8 @@ from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.foundation import matrices
-from cpbench.foundation.cones import Law, RollingCoulomb
+from cpbench.foundation.cones import Cone, Law, ProductCone, RollingCoulomb
 from cpbench.foundation.matrices import Vector
-from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows
 from cpbench.solvers.shared.progress import Progress

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
-import sympy
 from command_line import cpbench as command
 
 import cpbench
@@ -36,8 +36,8 @@ def test_a_push_is_held_from_the_coefficient_on_that_holds_it(tmp_path: Path) ->
 @pytest.mark.needs("cpbench_solvers")
 def test_a_parameter_of_expressions_is_swept() -> None:
     """z ≥ 0 ⟂ z² − a ≥ 0 with z > 0: z = √a."""
-    z, a = sympy.symbols("z a")
-    problem = NCP.from_sympy([z], [z**2 - a], {"a": 1.0}, start=[1.0])
+    z, a = ca.SX.sym("z"), ca.SX.sym("a")
+    problem = NCP.from_casadi(z, z**2 - a, {"a": 1.0}, start=[1.0])
     answers = list(sweep(problem, "a", [1.0, 4.0, 9.0], tolerance=1e-9))
     assert [answer.value for answer in answers] == [1.0, 4.0, 9.0]
     np.testing.assert_allclose([answer.solution.x[0] for answer in answers], [1.0, 2.0, 3.0], atol=1e-6)
