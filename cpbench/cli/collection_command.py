@@ -65,20 +65,6 @@ def _counts(name: str, entries: Sequence[ListedProblem], decades: Iterable[int])
     return name, *(str(part) if part else "·" for part in parts)
 
 
-def family_rows(entries: Sequence[ListedProblem]) -> Iterator[tuple[str, ...]]:
-    """Yield a head and a row for each family: formulation, tier, problems, least and largest size, proofs, citation."""
-    yield "family", "formulation", "tier", "problems", "unknowns", "proved", "citation"
-    families: dict[tuple[str, str, str], list[ListedProblem]] = {}
-    for entry in entries:
-        families.setdefault((entry.node, entry.family, entry.tier), []).append(entry)
-    for (node, family, tier), members in sorted(families.items()):
-        sizes = [entry.unknowns for entry in members]
-        least, most = min(sizes), max(sizes)
-        span = str(least) if least == most else f"{least} to {most}"
-        proved = sum(bool(entry.proof) for entry in members)
-        yield family, node, tier, str(len(members)), span, str(proved) if proved else "·", members[0].citation
-
-
 def total_lines(entries: Sequence[ListedProblem]) -> Iterator[str]:
     """Yield counts by licence, by what is proved, and by how a solution is known."""
     for title, names in (
@@ -113,19 +99,14 @@ def command() -> None:
 
 
 @command.command("list", cls=Command)
-@click.option("--families", is_flag=True, help="List the families of the collection of cpbench, a line each.")
-def list_collections(families: bool) -> None:
+def list_collections() -> None:
     """Count the problems of cpbench by formulation, tier, size and proof; list the collections of others.
 
     A column as 1e3+ counts problems of 1000 unknowns and more, fewer than the next column begins with. Of collections
     of others, formulations, formats, files, licences and sources are listed.
     """
     entries = catalogue()
-    print_lines([first_line(entries), ""])
-    if families:
-        print_lines(table(family_rows(entries)))
-        return
-    print_lines([*table(formulation_rows(entries)), ""])
+    print_lines([first_line(entries), "", *table(formulation_rows(entries)), ""])
     print_lines([*total_lines(entries), "", "Collections of others (cpbench collection status, add):"])
     print_lines(table(_rows()))
 

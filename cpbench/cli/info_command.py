@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 from collections import Counter
@@ -46,10 +45,9 @@ _KNOWN = {"id": "ids", "bodies": "bodies", "position": "positions", "frame": "fr
 
 @click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=ADDRESS)
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object per problem.")
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option
-def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
+def command(files: tuple[str, ...], measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
     More than three problems get one line each, more than sixty a line for each formulation and family; problems that
@@ -60,25 +58,19 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
     """
     if any(map(is_results_file, files)):
         first, *others = files
-        if as_json or file_format or others:
+        if file_format or others:
             raise click.UsageError("a results file stands alone, without options; its rows: cpbench results export")
         print_results(first)
         return
     addresses = storage.problem_files(files) or list(files)
-    if len(addresses) > MANY and not as_json:
+    if len(addresses) > MANY:
         _print_many(files, addresses, file_format)
         return
-    records: list[dict[str, object]] = []
     known = measure and "facts" in extensions.added(extensions.HOOKS)
     for address in addresses:
         problem = storage.load(address, format=file_format)
-        measured, starts = extensions.hook("facts")(problem) if known else (), len(storage.guesses(address))
-        if as_json:
-            records.append(_record(address, problem, measured, starts))
-        else:
-            print_lines(_lines(address, problem, measured, starts))
-    if as_json:
-        click.echo(json.dumps(records, indent=2, ensure_ascii=False, allow_nan=False))
+        facts = extensions.hook("facts")(problem) if known else ()
+        print_lines(_lines(address, problem, facts, len(storage.guesses(address))))
 
 
 def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: str | None) -> None:
@@ -86,7 +78,7 @@ def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: st
     members: list[dict[str, Any]] = []
     refused: list[str] = []
     with Steps(quiet=False) as steps:
-        for address in steps.through(addresses, "reading", "problem"):
+        for address in steps.through(addresses, f"reading {counted(len(addresses), 'problem')}"):
             try:
                 members.append(_member(address, storage.load(address, format=file_format)))
             except CpbenchError as cause:
@@ -99,7 +91,7 @@ def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: st
     print_lines([*_twins(members), *_others(places, addresses)])
     if members:
         one = shlex.quote(members[0]["address"])
-        print_lines([f"all that is known of one: cpbench info {one}; of all, for programs: --json"])
+        print_lines([f"all that is known of one: cpbench info {one}"])
     print_lines(refused, err=True)
     if refused:
         sys.exit(2)
@@ -258,67 +250,3 @@ def _describe(value: matrices.Matrix | matrices.Vector) -> str:
     rows, cols = value.shape
     storage_kind = "sparse" if matrices.is_sparse(value) else "dense"
     return f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {matrices.max_abs(value):.3g}"
-
-
-def _record(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0) -> dict[str, Any]:
-    """Return what `_lines` yields as data that JSON takes."""
-    place = problem.sequence if isinstance(problem, ContactProblem) else None
-    return {
-        "address": address,
-        "node": problem.node,
-        "title": problem.title,
-        "equation": problem.equation,
-        "relations": list(problem.relations),
-        "name": problem.name,
-        "fingerprint": problem.fingerprint,
-        "sizes": problem.sizes(),
-        "data": {name: _data_record(value) for name, value in problem.data().items()},
-        "maps": {
-            name: {
-                "shape": list(F.shape),
-                "operations": F.operations,
-                "constants": F.constants.size,
-                "jacobian_entries": int(derivative(F)[1].size),
-                "affine_rows": int((np.diff(F.compiled.C.indptr) == 0).sum()),
-                "affine_entries": F.compiled.M.nnz,
-            }
-            for name, F in problem.maps().items()
-        },
-        "parameters": problem.parameters,
-        "unknowns": problem.point_sizes,
-        "starts": starts,
-        "sequence": None if place is None else vars(place),
-        "info": {label: getattr(problem.info, label) for label in LABELS},
-        "properties": {key: _plain(value) for key, value in problem.info.properties.items()},
-        "provenance": [
-            {
-                "conversion": step.conversion,
-                "parameters": {k: _plain(v) for k, v in step.parameters.items()},
-                "kind": step.kind,
-                "source_node": step.source_node,
-                "source": step.source,
-            }
-            for step in problem.provenance
-        ],
-        "facts": [{k: _plain(v) for k, v in fact.record().items()} for fact in facts],
-    }
-
-
-def _data_record(value: matrices.Matrix | matrices.Vector) -> dict[str, Any]:
-    record: dict[str, Any] = {"shape": list(value.shape), "max_abs": _plain(matrices.max_abs(value))}
-    if value.ndim == 2:
-        record |= {"storage": "sparse" if matrices.is_sparse(value) else "dense", "nonzeros": matrices.nnz(value)}
-    return record
-
-
-def _plain(value: Any) -> Any:
-    """Return a value that JSON has: NumPy scalars and arrays unpacked, infinities and NaN by name."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (np.ndarray, list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return str(value)
-    return value if isinstance(value, (bool, int, float, str)) or value is None else str(value)

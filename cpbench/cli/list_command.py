@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import json
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 import click
 
@@ -40,17 +38,16 @@ GLANCED = {
 @click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
 @click.argument("names", nargs=-1, metavar="[NAME|NODE|GLOB]...")
 @click.option("--all", "every", is_flag=True, help="Include solvers that run only when they are named.")
-@click.option("--json", "as_json", is_flag=True, help="Print the solvers as JSON.")
-def command(what: str, names: tuple[str, ...], every: bool, as_json: bool) -> None:
+def command(what: str, names: tuple[str, ...], every: bool) -> None:
     """List formulations, conversions, solvers, formats or the built-in problems.
 
     cpbench list solvers NAME shows a solver with its options, cpbench list solvers NODE the solvers of a formulation,
     cpbench list conversions NAME the mathematics of a conversion.
     """
-    if what != "solvers" and (every or as_json or (names and what != "conversions")):
+    if what != "solvers" and (every or (names and what != "conversions")):
         raise click.UsageError(f"list {what}: takes no names and no options of solvers")
     if what == "solvers":
-        print_lines(_solver_lines(names, every, as_json))
+        print_lines(_solver_lines(names, every))
     elif what == "problems":
         folder = builtin_folder()
         print_lines(f"builtin/{one.removeprefix(f'{folder}/')}" for one in storage.problem_files([str(folder)]))
@@ -71,7 +68,7 @@ def _conversion_sheet(name: str) -> Iterator[str]:
     yield from (f"  {line}".rstrip() for line in mathematics(edge))
 
 
-def _solver_lines(names: Sequence[str], every: bool, as_json: bool) -> Iterator[str]:
+def _solver_lines(names: Sequence[str], every: bool) -> Iterator[str]:
     """Yield the solvers that are named, else those that a run takes, with their state on this machine as far as it is
     known without importing anything; raises UnknownName."""
     node = ""
@@ -81,9 +78,6 @@ def _solver_lines(names: Sequence[str], every: bool, as_json: bool) -> Iterator[
     asked = [solver for solver in asked if node in ("", solver.spec.node)]
     shown = [solver for solver in asked if names or every or solver.spec.by_default]
     states = {solver.spec.name: availability.glance(solver) for solver in shown}
-    if as_json:
-        yield from json.dumps([as_data(one, states[one.spec.name]) for one in shown], indent=1).splitlines()
-        return
     if names:
         for i, solver in enumerate(shown):
             yield from [""] * bool(i)
@@ -165,28 +159,3 @@ def _options(spec: SolverSpec, width: int) -> Iterator[str]:
 def _folded(title: str, text: str, width: int) -> Iterator[str]:
     rest = " " * min(len(title) + 1, 16)
     yield from textwrap.wrap(f"{title} {text}", width, subsequent_indent=rest, break_long_words=False)
-
-
-def as_data(solver: Solver, seen: SolverState) -> dict[str, Any]:
-    """Return everything known of one solver as data for programs."""
-    spec = solver.spec
-    names = ("name", "node", "method", "summary", "citation", "licence", "publishing", "by_default", "install")
-    options = [
-        {
-            "name": f.name,
-            "type": type(f.default).__name__,
-            "default": f.default,
-            "choices": list(choices(spec.options, f.name)),
-        }
-        for f in dataclasses.fields(spec.options)
-    ]
-    return {
-        **{name: getattr(spec, name) for name in names},
-        "kind": str(spec.kind),
-        "version": seen.version,
-        "traits": sorted(spec.traits),
-        "requires": list(spec.requires),
-        "availability": {"state": seen.state, "detail": seen.detail},
-        "options": options,
-        "known_failures": dict(spec.known_failures),
-    }

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 
 class How(StrEnum):
@@ -57,10 +56,6 @@ class Fact:
         how = [] if self.how is How.UNDECIDED else [str(self.how)]
         remark = ", ".join([*how, *([measured] if measured else [])])
         return f"{self.subject}: {self.words}" + (f" ({remark})" if remark else "")
-
-    def record(self) -> dict[str, Any]:
-        """Return plain values, for JSON."""
-        return {**asdict(self), "how": str(self.how)}
 
 
 def decided(fact: Fact) -> Fact:

@@ -151,15 +151,6 @@ def test_the_list_counts_the_problems_of_the_catalogue() -> None:
     assert f"licence: {len(ENTRIES)} CC0-1.0" in lines
 
 
-def test_families_are_listed_with_their_sizes() -> None:
-    lines = CliRunner().invoke(cli, ["collection", "list", "--families"]).stdout.splitlines()
-    (line,) = [line for line in lines if line.startswith("lcp-classics ")]
-    sizes = [entry.unknowns for entry in ENTRIES if entry.family == "lcp-classics"]
-    assert line.split()[:7] == ["lcp-classics", "lcp", "small", str(len(sizes)), str(min(sizes)), "to", str(max(sizes))]
-    families = {(entry.node, entry.family, entry.tier) for entry in ENTRIES}
-    assert len(lines) == 3 + len(families)
-
-
 @pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", ["murty-10", "fathi-10", "murty-100"])
 def test_pivoting_is_short_where_the_description_has_it(name: str) -> None:

@@ -223,6 +223,6 @@ def test_a_run_ends_with_the_answer_and_info_says_it_again(folder: Path) -> None
 
 def test_info_of_results_takes_no_options(folder: Path) -> None:
     Store(folder / "r.sqlite", create=True).close()
-    done = CliRunner().invoke(cli, ["info", "r.sqlite", "--json"])
+    done = CliRunner().invoke(cli, ["info", "r.sqlite", "--format", "fclib"])
     assert done.exit_code == 2
     assert "a results file stands alone" in done.output
