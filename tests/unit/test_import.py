@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 from judged_again import judged_again
@@ -19,7 +18,7 @@ from cpbench import storage
 from cpbench.bench.results.merge import merge
 from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
-from cpbench.cli import cli, main
+from cpbench.cli import main
 from cpbench.formulations import LCP, MLCP
 from cpbench.formulations.exchange import exchanges
 
@@ -133,8 +132,9 @@ def test_answers_that_are_none_are_rows_too(monkeypatch, capsys, tmp_path: Path,
     np.save(made / "planted-5.npy", PLANTED["planted-5"][1])
     (made / "planted-6.h5").write_text("nonsense")
     np.save(made / "unknown.npy", np.ones(3))
-    (made / "claim.json").write_text('{"planted-4": "max_iter", "planted-5": {"claim": "timeout", "seconds": 60}}')
-    assert run(monkeypatch, made, "-s", "abacus", "--problems", asked, "-o", out) == 0
+    times = tmp_path / "t.csv"
+    times.write_text("problem,seconds,claim\nplanted-4,,max_iter\nplanted-5,60,timeout\n")
+    assert run(monkeypatch, made, "-s", "abacus", "--problems", asked, "--times", times, "-o", out) == 0
     found = rows(out)
     assert {name: row["status"] for name, row in found.items()} == {
         "planted-1": "error",
@@ -151,43 +151,17 @@ def test_answers_that_are_none_are_rows_too(monkeypatch, capsys, tmp_path: Path,
     assert "no problem is called unknown" in capsys.readouterr().err
 
 
-def test_the_folder_of_an_answer_may_say_how_it_went(monkeypatch, tmp_path: Path, asked: Path) -> None:
-    problem, z = PLANTED["planted-1"]
-    made = tmp_path / "made"
-    made.mkdir()
-    exchanges.get("npy-dir").write_answer(problem.point_type(z), made / "planted-1")
-    (made / "planted-1" / "claim.json").write_text('{"claim": "inaccurate", "seconds": 2, "iterations": 3}')
-    (made / "times.csv").write_text("problem,seconds\nplanted-1,9\n")  # a table is no answer
-    assert run(monkeypatch, made, "-s", "a", "--problems", asked, "-o", tmp_path / "r.sqlite") == 0
-    row = rows(tmp_path / "r.sqlite")["planted-1"]
-    assert (row["status"], row["claim"], row["solve"]) == ("solved", "inaccurate", 2.0)
-
-
 def test_a_given_ending_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) -> None:
     """Whatever is in the folder, also when answers are judged again."""
     z = PLANTED["planted-1"][1]
     (tmp_path / "made").mkdir()
     np.save(tmp_path / "made" / "planted-1.npy", z)
-    (tmp_path / "made" / "claim.json").write_text('{"planted-1": "memout"}')
-    assert run(monkeypatch, tmp_path / "made", "-s", "a", "--problems", asked, "-o", tmp_path / "r.sqlite") == 0
+    times = tmp_path / "made" / "times.csv"  # beside the answers: a table is no answer
+    times.write_text("problem,seconds,claim\nplanted-1,,memout\n")
+    options = ["-s", "a", "--problems", asked, "--times", times, "-o", tmp_path / "r.sqlite"]
+    assert run(monkeypatch, tmp_path / "made", *options) == 0
     assert rows(tmp_path / "r.sqlite")["planted-1"]["status"] == "memout"
     assert judged_again(tmp_path / "r.sqlite")[1][0] == "1 answer judged again: no change"
-
-
-def test_exported_answers_come_back(monkeypatch, tmp_path: Path, asked: Path, made: Path) -> None:
-    first, second = tmp_path / "a.sqlite", tmp_path / "b.sqlite"
-    assert run(monkeypatch, made, "-s", "abacus", "--problems", asked, "-o", first) == 0
-    monkeypatch.setattr(
-        sys, "argv", ["cpbench", "results", "export", str(first), "--answers", str(tmp_path / "all.h5")]
-    )
-    main()
-    assert run(monkeypatch, tmp_path / "all.h5", "-s", "abacus", "--problems", asked, "-o", second) == 0
-    a, b = rows(first), rows(second)
-    assert {n: (r["status"], r["error"]) for n, r in a.items()} == {n: (r["status"], r["error"]) for n, r in b.items()}
-    with h5py.File(tmp_path / "all.h5", "a") as file:
-        group = next(iter(file.values()))
-        group["other tol=1e-06"] = np.ones(4)
-    assert run(monkeypatch, tmp_path / "all.h5", "-s", "third", "--problems", asked, "-o", tmp_path / "c.sqlite") == 2
 
 
 @pytest.mark.nightly
@@ -199,8 +173,7 @@ def test_imports_stand_beside_our_own_rows(monkeypatch, capsys, tmp_path: Path, 
     assert subprocess.run(run_it, capture_output=True, timeout=600).returncode == 0
     solve = ["-s", "lemke", "--problems", asked / "planted.h5"]
     assert run(monkeypatch, made, *solve, "-o", theirs) == 0
-    told = merge([ours, theirs], tmp_path / "both.sqlite")
-    assert told == []
+    merge([ours, theirs], tmp_path / "both.sqlite")
     assert len(_all(tmp_path / "both.sqlite")) == 12
     assert run(monkeypatch, made, *solve, "-o", ours) == 0
     capsys.readouterr()
@@ -303,7 +276,7 @@ def test_ambiguous_answers_and_names_are_refused(monkeypatch, capsys, tmp_path: 
 
 @pytest.mark.parametrize(
     ("source", "says"),
-    [("nowhere", "no such file or folder"), ("empty", "holds no answer"), ("strange", "none of its")],
+    [("nowhere", "is no folder of answers"), ("empty", "holds no answer"), ("strange", "none of its")],
 )
 def test_a_source_without_answers_is_one_line(
     monkeypatch, capsys, tmp_path: Path, asked: Path, source: str, says
@@ -328,11 +301,3 @@ def test_the_built_in_problems_are_the_default(monkeypatch, capsys, tmp_path: Pa
     counts = [row["status"] for row in _all(tmp_path / "r.sqlite") if row["node"] == "relay"]
     assert counts.count("solved") == 1
     assert set(counts) == {"solved", "failed"}
-
-
-def test_help_says_what_a_folder_of_answers_is() -> None:
-    from click.testing import CliRunner
-
-    told = CliRunner().invoke(cli, ["results", "import", "--help"]).output
-    assert "claim.json" in told
-    assert "--with-imported" in told

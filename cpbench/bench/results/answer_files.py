@@ -1,33 +1,28 @@
-"""Answers made elsewhere: which file of a folder answers which problem, and what is reported with them.
+"""Answers made elsewhere: which file of a folder answers which problem, and what a table reports of them.
 
 An entry of the folder is a file of an answer or a folder of arrays, named after its problem or its fingerprint
-(8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. `cpbench results export --answers`
-writes all answers to one HDF5 file: a group a problem, which has its fingerprint, with a data set for every solver.
-
-Reported values: a table with the columns problem, seconds[, iterations, claim], and `claim.json`: in the folder an
-object problem -> claim, in the folder of one answer an object with claim, seconds, iterations.
+(8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. The table has the columns problem,
+seconds[, iterations, claim].
 """
 
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.exchange import exchanges
-from cpbench.formulations.primal import Primal, primal_alone, primal_of, primal_part
+from cpbench.formulations.primal import Primal, primal_alone, primal_part
 from cpbench.solvers.base import Claim
-from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
+from cpbench.storage.hdf5_tree import open_tree
 
-CLAIMS = "claim.json"
 ENDINGS = ("timeout", "memout", "crash", "unsupported")
 """How a solve may have ended without a claim."""
 _SUFFIXES = (".h5", ".hdf5", ".npz", ".npy", ".csv", ".txt", ".sol")
@@ -47,22 +42,13 @@ class Reported:
     seconds: float | None = None
     iterations: int | None = None
 
-    def over(self, other: Reported) -> Reported:
-        """Return these facts, completed from `other`."""
-        return Reported(
-            self.claim or other.claim,
-            other.seconds if self.seconds is None else self.seconds,
-            other.iterations if self.iterations is None else self.iterations,
-        )
-
 
 @dataclass(frozen=True)
 class ForeignAnswer:
-    """An answer that is not read yet: its place, its reader, what its own folder reports."""
+    """An answer that is not read yet: its place, and its reader."""
 
     place: str
     read: Read
-    reported: Reported = Reported()
 
 
 class Names:
@@ -86,17 +72,16 @@ class Names:
         return next(iter(found), "")
 
 
-def find(source: Path, names: Names, solver: str, tolerance: float) -> tuple[dict[str, ForeignAnswer], list[str]]:
+def find(source: Path, names: Names) -> tuple[dict[str, ForeignAnswer], list[str]]:
     """Return the answers by fingerprint, and a line for each that answers none of the problems.
 
     Raises CpbenchError when a problem has two answers, FormatError when `source` holds none.
     """
-    if not source.exists():
-        raise FormatError(source, "", "no such file or folder")
+    if not source.is_dir():
+        raise FormatError(source, "", "is no folder of answers")
     found: dict[str, ForeignAnswer] = {}
     stray: list[str] = []
-    listed = _in_folder(source) if source.is_dir() else _in_export(source, solver, tolerance)
-    for words, answer in listed:
+    for words, answer in _in_folder(source):
         fingerprint = next(filter(None, map(names.find, words)), "")
         if not fingerprint:
             stray.append(f"{answer.place}: no problem is called {words[-2 if len(words) > 1 else 0]}")
@@ -109,17 +94,14 @@ def find(source: Path, names: Names, solver: str, tolerance: float) -> tuple[dic
     return found, stray
 
 
-def reported(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Reported], list[str]]:
-    """Return what the table of times and the folder's claims report, by fingerprint, and a line for each unknown
-    problem."""
+def reported(times: Path | None, names: Names) -> tuple[dict[str, Reported], list[str]]:
+    """Return what the table of times reports, by fingerprint, and a line for each unknown problem."""
     found: dict[str, Reported] = {}
     stray: list[str] = []
-    entries = _claims(source / CLAIMS) if source.is_dir() else []
-    entries += _times(times) if times is not None else []
-    for place, word, entry in entries:
+    for place, word, entry in _times(times) if times is not None else ():
         fingerprint = names.find(word)
         if fingerprint:
-            found[fingerprint] = entry.over(found.get(fingerprint, Reported()))
+            found[fingerprint] = entry
         else:
             stray.append(f"{place}: no problem is called {word}")
     return found, stray
@@ -132,14 +114,12 @@ def _in_folder(folder: Path) -> list[tuple[list[str], ForeignAnswer]]:
     """Return the possible names of each entry of a folder, with its answer."""
     listed: list[tuple[list[str], ForeignAnswer]] = []
     for entry in sorted(folder.iterdir()):
-        if entry.name.startswith(".") or entry.name == CLAIMS:
+        if entry.name.startswith("."):
             continue
         if entry.is_file() and entry.suffix.lower() == ".csv" and _is_table(entry):
             continue
         words = [entry.name, *(entry.name[: -len(s)] for s in _SUFFIXES if entry.name.lower().endswith(s))]
-        own = entry / CLAIMS
-        reported = _facts(own, _object(own)) if entry.is_dir() and own.is_file() else Reported()
-        listed.append(([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry), reported)))
+        listed.append(([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry))))
     return listed
 
 
@@ -180,65 +160,7 @@ def _fingerprint(entry: Path) -> list[str]:
     return [fingerprint] if isinstance(fingerprint, str) else []
 
 
-def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str], ForeignAnswer]]:
-    """Return the answers by `solver` in a file of `results export --answers`, or the only one of each problem."""
-    with path.open("rb") as file:
-        if file.read(8) != SIGNATURE:
-            raise FormatError(
-                path, "", "is not a folder of answers, and no HDF5 file of cpbench results export --answers"
-            )
-    listed: list[tuple[list[str], ForeignAnswer]] = []
-    with open_tree(path) as root:
-        for name in root.names():
-            group = root.child(name) if root.is_group(name) else None
-            fingerprint = group.attributes().get("fingerprint") if group is not None else None
-            if group is None or not isinstance(fingerprint, str):
-                raise root.error(name, "is no group with a fingerprint, as cpbench results export --answers writes it")
-            labels = [label for label in group.names() if not group.is_group(label)]
-            mine = [label for label in labels if label.partition(" tol=")[0] == solver]
-            exact = [label for label in mine if label == f"{solver} tol={tolerance:g}"]
-            chosen = next((some for some in (exact, mine, labels) if len(some) == 1), [])
-            if not chosen:
-                raise group.error("", f"holds {', '.join(labels[:4])}: --solver names none of them, or several")
-            vector, claimed = group.array(chosen[0]), group.attributes(chosen[0]).get("claim", "")
-            claim = str(claimed) if claimed in list(Claim) else ""
-            listed.append(
-                (
-                    [fingerprint, name],
-                    ForeignAnswer(f"{path}::{name}", lambda p, x=vector: _point(path, p, x), Reported(claim)),
-                )
-            )
-    return listed
-
-
-def _point(path: Path, problem: Problem, vector: Any) -> Any:
-    try:
-        return primal_of(problem, vector) or problem.point_from_vector(vector)
-    except PointError as cause:
-        raise FormatError(path, "", str(cause)) from None
-
-
 # ----------------------------------------------------------------------------------------------- reported
-
-
-def _claims(path: Path) -> list[tuple[str, str, Reported]]:
-    if not path.is_file():
-        return []
-    entries = _object(path)
-    return [
-        (str(path), word, _facts(path, cast("dict[str, Any]", facts) if isinstance(facts, dict) else {"claim": facts}))
-        for word, facts in entries.items()
-    ]
-
-
-def _object(path: Path) -> dict[str, Any]:
-    try:
-        found: Any = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as cause:
-        raise FormatError(path, "", f"is not readable JSON ({cause})") from None
-    if not isinstance(found, dict):
-        raise FormatError(path, "", "holds no JSON object")
-    return cast("dict[str, Any]", found)
 
 
 def _is_table(path: Path) -> bool:
@@ -270,24 +192,24 @@ def _times(path: Path) -> list[tuple[str, str, Reported]]:
     return result
 
 
-def _facts(path: Path, table: Mapping[str, Any], place: str = "") -> Reported:
+def _facts(path: Path, table: Mapping[str, str], place: str) -> Reported:
     """Return the reported facts, checked; raises FormatError."""
 
     def number(name: str) -> float | None:
-        given = table.get(name)
-        if given is None or given == "":
+        given = table.get(name, "")
+        if not given:
             return None
         try:
             value = float(given)
-        except (TypeError, ValueError, OverflowError):
+        except ValueError:
             value = math.nan
-        if not 0 <= value < math.inf or isinstance(given, bool):
-            raise FormatError(path, place or name, f"has {name} {str(given)[:40]!r}, expected a number of at least 0")
+        if not 0 <= value < math.inf:
+            raise FormatError(path, place, f"has {name} {given[:40]!r}, expected a number of at least 0")
         return value
 
-    claim = table.get("claim") or ""
+    claim = table.get("claim", "")
     known: Sequence[str] = (*map(str, Claim), *ENDINGS)
     if claim and claim not in known:
-        raise FormatError(path, place or "claim", f"has claim {str(claim)[:40]!r}, expected one of {', '.join(known)}")
+        raise FormatError(path, place, f"has claim {claim[:40]!r}, expected one of {', '.join(known)}")
     iterations = number("iterations")
-    return Reported(str(claim), number("seconds"), None if iterations is None else int(iterations))
+    return Reported(claim, number("seconds"), None if iterations is None else int(iterations))

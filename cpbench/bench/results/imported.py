@@ -76,8 +76,8 @@ def import_answers(
     done = Imported()
     asked = _survey(addresses, format, origin, done)
     names = Names((pair.problem, pair.fingerprint) for pair in asked.values())
-    found, stray = answer_files.find(source, names, origin.solver, origin.tolerance)
-    reported, unknown = answer_files.reported(source, times, names)
+    found, stray = answer_files.find(source, names)
+    reported, unknown = answer_files.reported(times, names)
     done.stray = [*stray, *unknown]
     if not found:
         raise CpbenchError(f"{source}: none of its answers is to a problem that was asked ({done.stray[0]})")
@@ -88,8 +88,7 @@ def import_answers(
     _note(store, origin, wanted, command, format, done)
     for pair in wanted:
         answer = found.get(pair.fingerprint)
-        facts = reported.get(pair.fingerprint, Reported())
-        outcome = _judged(pair, answer, facts if answer is None else answer.reported.over(facts), origin)
+        outcome = _judged(pair, answer, reported.get(pair.fingerprint, Reported()), origin)
         store.put(Planned.of(pair), outcome)
         done.counts[outcome.status] += 1
         if answer is None:
