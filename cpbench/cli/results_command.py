@@ -14,7 +14,7 @@ import click
 from cpbench.api.concluding import conclude, contradiction_lines
 from cpbench.bench.planning.selection import addresses
 from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_answers
-from cpbench.bench.results.merge import PREFER, merge
+from cpbench.bench.results.merge import merge
 from cpbench.bench.results.rows import Row, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.cli import Group
@@ -38,17 +38,14 @@ def command() -> None:
 @command.command("merge", cls=Command)
 @click.argument("results", nargs=-1, required=True, type=PATH)
 @click.option("-o", "--output", required=True, type=FILE, help="Results file to make.")
-@click.option("--mixed", is_flag=True, help="Merge files that are not comparable, and mark the rows concerned.")
-@click.option("--prefer", type=click.Choice(PREFER), help="Row to keep of a pair that was run twice.")
-def merge_files(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | None) -> None:
+def merge_files(results: tuple[Path, ...], output: Path) -> None:
     """Put the rows of several results files, with their answers, into one: the shards of a plan, for example.
 
-    Files that differ in limits, tolerances, measures, machines, or versions of cpbench or of a solver are refused
-    unless --mixed is given; so are files in which one name stands for different problems. For a pair that is planned in
-    several files and was run in one, the row that was run is taken.
+    Files that differ in limits, tolerances, measures, machines, or versions of cpbench or of a solver are refused; so
+    are files in which one name stands for different problems, or which have run one pair both. For a pair that is
+    planned in several files and was run in one, the row that was run is taken.
     """
-    remarks = merge(results, output, mixed=mixed, prefer=prefer or "")
-    print_lines((f"mixed: {line}" for line in remarks), err=True)
+    merge(results, output)
     with Store(output, create=True) as store:
         conflicts = conclude(store, say=_warn)
         counts = store.counts()
@@ -164,8 +161,8 @@ def import_(
     """Judge answers that were computed elsewhere, and put them into a new or existing results file.
 
     ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint (.h5, .npz,
-    .npy, .csv, .txt, .sol, or a folder of .npy files), or an HDF5 file of cpbench results export --answers. An answer
-    without a claim (in the table of times, or in claim.json) counts as claimed to be solved.
+    .npy, .csv, .txt, .sol, or a folder of .npy files). An answer without a claim in the table of times counts as
+    claimed to be solved.
 
     Every problem of a formulation for which there is an answer gets a row; a problem without an answer has the status
     failed. Rows are marked by --machine. With --with-imported, cpbench report ranks their times too.

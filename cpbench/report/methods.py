@@ -30,7 +30,6 @@ FLAGS = {
     "wrote": "it wrote to the problem's data",
     "clock": "its answer came much later than its own clock says, and the time is the runner's, with all that passed "
     "until the answer was there",
-    "mixed": "merged from runs with other limits, machines or versions",
 }
 """Meaning of the flags of a row."""
 KINDS = {
