@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 import click
 
 from cpbench import graph, storage
 from cpbench.cli.info_command import size_after, sizes_line
 from cpbench.cli.options import Command, ListOption, format_option, kinds_option
-from cpbench.cli.terminal import fitted, folded, print_lines, table
-from cpbench.cli.types import ADDRESS, POSITIVE
+from cpbench.cli.terminal import fitted, folded, print_lines
+from cpbench.cli.types import ADDRESS
 from cpbench.conversions import Conversion
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
-from cpbench.foundation.text import counted
 from cpbench.generators.collection import address_text
 from cpbench.graph import best_kind, edges, promise
 from cpbench.solvers.base import solvers
-
-if TYPE_CHECKING:
-    from cpbench.testing.residual_matrix import Cell
 
 WRAP = 3
 """Solvers a line in the box of a node."""
@@ -36,15 +30,13 @@ WRAP = 3
     "nodes",
     cls=ListOption,
     metavar="NODE",
-    help="Formulation to reach, or to --check; default: all. Repeatable.",
+    help="Formulation to reach; default: all. Repeatable.",
 )
 @click.option("--all", "every", is_flag=True, help="Show every route of PROBLEM with the size it leads to.")
 @click.option("--explain", is_flag=True, help="Show the dead ends of PROBLEM, each with its obstacle.")
 @kinds_option(", without PROBLEM all")
 @format_option
 @click.option("--mermaid", is_flag=True, help="Show the graph as a diagram of Mermaid.")
-@click.option("--check", is_flag=True, help="Send planted problems along the routes between formulations, and back.")
-@click.option("-t", "--tolerance", type=POSITIVE, default=1e-9, show_default=True, help="Largest error for --check.")
 def command(
     problem: str | None,
     nodes: tuple[str, ...],
@@ -53,32 +45,19 @@ def command(
     kinds: frozenset[Kind] | None,
     file_format: str | None,
     mermaid: bool,
-    check: bool,
-    tolerance: float,
 ) -> None:
     """Show the formulations, the conversions between them and the solvers on each.
 
     Of a PROBLEM, show how it reaches each formulation, which solvers work there, and why others cannot be reached; with
     --all every route, cheapest first. Sizes marked ~ are predicted without doing the conversion, so that a large last
     step is not needed: `cpbench graph builtin/lcp/american-put.h5::american-put-100 --to qp --explain`.
-
-    With --check, print the matrix of residuals. For every ordered pair of formulations that equivalent conversions
-    connect, problems with a known solution are converted, written to a file and solved, and the answer is lifted with
-    this file. A cell is the largest error on the original problem. The exit code is 1 when one is above --tolerance.
     """
     for node in nodes:
         formulations.get(node)
     if problem is not None:
-        if check or mermaid:
-            raise click.UsageError("--check and --mermaid are of the whole graph: leave PROBLEM out")
+        if mermaid:
+            raise click.UsageError("--mermaid is of the whole graph: leave PROBLEM out")
         _print_routes(problem, nodes or formulations.names(), kinds or graph.EXACT, every, explain, file_format)
-    elif check:
-        from cpbench.testing.residual_matrix import measure
-
-        cells = measure(nodes or formulations.names(), tolerance)
-        print_lines(check_lines(cells, tolerance))
-        if any(cell.exceeds(tolerance) for cell in cells):
-            sys.exit(1)
     elif every or explain or file_format or nodes:
         raise click.UsageError("--to, --all, --explain and --format are of a PROBLEM: give one")
     else:
@@ -194,43 +173,3 @@ def _words(edge: Conversion) -> list[str]:
 def _id(node: str) -> str:
     """Return a name that Mermaid takes for a node, which is none of its words, such as `end`."""
     return "node_" + re.sub(r"\W", "_", node)
-
-
-def _matrix(found: Sequence[Cell]) -> Iterator[str]:
-    """Yield the cells as a matrix, sources down, targets across, and what its signs mean."""
-    by_pair = {(cell.source, cell.target): str(cell) for cell in found}
-    nodes = sorted({node for pair in by_pair for node in pair})
-    rows = [[a, *(by_pair.get((a, b), "=" if a == b else ".") for b in nodes)] for a in nodes]
-    yield from table([["", *nodes], *rows])
-    yield "rows: source, columns: target, cells: worst error on the source after convert, save, load, solve, lift"
-    yield ". no equivalent route, - none that a planted case takes"
-    cases_run, pushed = sum(cell.cases for cell in found), sum(cell.pushed for cell in found)
-    yield (
-        f"{cases_run} round trips; in {pushed} of them no solver's answer served, so that the planted solution was "
-        "pushed (* in all of a cell, + in some)"
-    )
-
-
-def check_lines(found: Sequence[Cell], tolerance: float) -> Iterator[str]:
-    """Yield the matrix, the cells above the tolerance, and what is remarkable about others."""
-    yield from _matrix(found)
-    yield from (f"{cell.source} -> {cell.target}: {cell.reason}" for cell in found if cell.error is None)
-    above = [cell for cell in found if cell.exceeds(tolerance)]
-    for cell in above:
-        cause = cell.reason or f"error {cell.error:.1e}"
-        yield f"{cell.source} -> {cell.target}: above {tolerance:.3g}: '{cell.case}' by {cell.route}: {cause}"
-    for cell in (cell for cell in found if cell.amplified):
-        name, error = max(cell.amplified, key=lambda item: item[1])
-        yield (
-            f"{cell.source} -> {cell.target}: answers that pass there do not pass here in {len(cell.amplified)} of "
-            f"{cell.cases} cases, the worst has error {error:.1e} on '{name}'"
-        )
-    rounded = [cell for cell in found if cell.error is not None and tolerance < cell.error <= cell.rounding]
-    for cell in rounded:
-        yield (
-            f"{cell.source} -> {cell.target}: error {cell.error:.1e} on '{cell.case}', whose planted solution has "
-            f"{cell.rounding:.1e} when its last digits change"
-        )
-    taken = sum(cell.error is not None for cell in found)
-    more = f", {len(rounded)} more within rounding" if rounded else ""
-    yield f"{taken - len(above) - len(rounded)} of {counted(taken, 'pair')} within {tolerance:.3g}{more}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +11,11 @@ from tiers import by_night
 
 from cpbench import graph, storage
 from cpbench.cli import main
-from cpbench.cli.graph_command import check_lines
 from cpbench.conversions import Conversion, conversions, make
 from cpbench.conversions.base import Size
 from cpbench.formulations import LCP, MLCP, FrictionContact, Kind, LCPPoint, MLCPPoint
 from cpbench.graph import checking
-from cpbench.testing import planted, residual_matrix
+from cpbench.testing import planted
 from cpbench.testing.cases import cases
 
 
@@ -217,27 +215,3 @@ def test_route_explain_tells_the_measured_number(monkeypatch, capsys, tmp_path):
     # (M + Mᵀ)/2 = [[-1, 1], [1, 1]] has the eigenvalues ±√2
     said = capsys.readouterr().out
     assert "the symmetric part of M is not positive semidefinite, least eigenvalue at unit diagonal -1.4e+00" in said
-
-
-@pytest.mark.parametrize("nodes", [["lcp", "mlcp"], pytest.param(["lcp", "mlcp", "qp"], marks=pytest.mark.nightly)])
-def test_there_and_back_between_linear_nodes(nodes):
-    """Every pair of the linear half that equivalent conversions join, through files, at most 1e-9 on the source."""
-    found = residual_matrix.measure(nodes)
-    assert {(c.source, c.target) for c in found} == set(itertools.permutations(nodes, 2))
-    for cell in found:
-        assert cell.error is not None, cell
-        assert not cell.exceeds(1e-9), cell
-        assert cell.pushed < cell.cases, cell
-    assert next(check_lines(found, 1e-9)).split() == nodes
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("names", [["lemke"], *by_night([None])], ids=["lemke", "all"])
-def test_the_matrix_finds_a_broken_lift(monkeypatch, capsys, crooked, names):
-    """Of all solvers it takes minutes: where no answer is right, each is asked thrice for every planted problem."""
-    if names is not None:
-        monkeypatch.setattr(checking, "solvers", [checking.solvers.get(name) for name in names])
-    assert cpbench(monkeypatch, "graph", "--check", "--to", "lcp", "--to", "mlcp") == 1
-    said = capsys.readouterr().out
-    assert "lcp -> mlcp: above 1e-09" in said
-    assert "1 of 2 pairs within 1e-09" in said
