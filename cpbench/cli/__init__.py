@@ -8,7 +8,6 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import click
@@ -116,9 +115,8 @@ def _begin_run(arguments: Sequence[str]) -> None:
     option may say otherwise, as of its threads, the run starts it later."""
     if arguments[:1] != ["run"] or any(word.startswith(SAYING_MORE) for word in arguments):
         return
-    for file in map(Path, ("cpbench.toml", "pyproject.toml")):
-        if file.is_file() and (file.name == "cpbench.toml" or b"tool.cpbench" in file.read_bytes()):
-            return
+    if os.path.isfile("cpbench.toml"):
+        return
     from cpbench.bench.processes import launch
 
     launch.begin(1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -123,8 +123,6 @@ def command(
     given = _given_options(context)
     if no_report:
         given["report"] = None
-    if file is not None:
-        _require_near(file, given)
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
@@ -153,8 +151,8 @@ def command(
 
 def _plan_from(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
     """Return the plan file that is named, or lies here; None where there is none or `none` is given."""
-    place = plan_file.find() if path is None else Path(path)
-    if place is None or path == "none":
+    place = Path(plan_file.NAME if path is None else path)
+    if path == "none" or (path is None and not place.is_file()):
         return None
     file = plan_file.read(place)
     if not quiet:
@@ -176,22 +174,3 @@ def _given_options(context: click.Context) -> dict[str, Any]:
         except CpbenchError as cause:
             raise click.BadParameter(str(cause), context, parameter) from None
     return given
-
-
-def _require_near(file: plan_file.PlanFile, given: Mapping[str, Any]) -> None:
-    """Raise CpbenchError where a plan decides to write outside its own folder and the current one: a plan of somebody
-    else must not choose where files go."""
-    folders = (file.path.resolve().parent, Path.cwd().resolve())
-    for key, instead in (
-        ("output", "say it on the command line: -o"),
-        ("report", "leave it out, and run cpbench report RESULTS -o"),
-    ):
-        value = file.top.get(key)
-        if not value or key in given:
-            continue
-        target = Path(str(value)).resolve()
-        if not any(target.is_relative_to(folder) for folder in folders):
-            raise CpbenchError(
-                f"{file.path}: {key} = '{value}' is outside the folder of the plan and the current one; if that is "
-                f"meant, {instead} {value}"
-            )

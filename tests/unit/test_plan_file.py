@@ -85,17 +85,8 @@ def test_a_file_without_sets_is_one_set(tmp_path) -> None:
     assert plan == RunPlan(sets=(ProblemSet(problems=(str(tmp_path / "a.h5"),)),), seed=3)
 
 
-def test_where_plan_files_are_searched(tmp_path) -> None:
-    assert plan_file.find(tmp_path) is None
-    project = write(tmp_path, '[project]\nname = "x"\n', "pyproject.toml")
-    assert plan_file.find(tmp_path) is None, "a project that says nothing of cpbench"
-    with pytest.raises(plan_file.PlanError, match=r"no table \[tool.cpbench\]"):
-        plan_file.read(project)
-    project.write_text('[tool.cpbench]\njobs = 2\n[[tool.cpbench.set]]\nname = "a"\n')
-    assert plan_file.find(tmp_path) == project
-    assert made(project).jobs == 2
-    own = write(tmp_path, "jobs = 3\n")
-    assert plan_file.find(tmp_path) == own
+def test_results_have_the_name_of_a_plan_that_is_not_the_folders(tmp_path) -> None:
+    assert made(write(tmp_path, "jobs = 3\n")).output == ""
     assert made(write(tmp_path, "", "night.toml")).output == "night.sqlite", "beside the caller"
 
 

@@ -131,20 +131,6 @@ def test_new_lines_in_names_are_text() -> None:
     assert cell("a\nb") == on_one_line("a\nb") == "a\\nb"
 
 
-@pytest.mark.needs("cpbench_solvers")
-def test_a_plan_does_not_decide_to_write_elsewhere(tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
-    _lcp(tmp_path / "in" / "p.h5")
-    away = tmp_path / "away.sqlite"
-    plan = tmp_path / "in" / "cpbench.toml"
-    plan.write_text(f"output = '{away}'\n[[set]]\nproblems = ['p.h5']\nsolvers = ['lemke']\n")
-    done = cpbench(tmp_path / "in", "run", "--no-report", "-q")
-    assert done.returncode == 2
-    assert "is outside the folder of the plan" in done.stderr
-    assert not away.exists()
-    assert cpbench(tmp_path / "in", "run", "--no-report", "-q", "-o", str(away)).returncode == 0
-
-
 def test_a_clock_that_is_not_believed_gives_the_runners_time() -> None:
     """From both sides of the flag; the time is what the runner waited, and the last lines count it."""
     own = Seconds(0.02)

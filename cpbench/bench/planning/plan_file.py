@@ -1,4 +1,4 @@
-"""Plans as files: `cpbench.toml`, or the table `[tool.cpbench]` of a `pyproject.toml`.
+"""Plans as files: `cpbench.toml`, or any other that is named.
 
     output = "night.sqlite"          # what all sets share; keys of a set stand for every set
     timeout = "1m"
@@ -34,7 +34,7 @@ from cpbench.errors import CpbenchError
 from cpbench.solvers.external import declared
 from cpbench.storage.collections import PREFIX
 
-NAME, PROJECT = "cpbench.toml", "pyproject.toml"
+NAME = "cpbench.toml"
 ONLY_SAID = ("shard", "rerun")
 """Keys of one command, not of a plan."""
 
@@ -52,28 +52,16 @@ class PlanFile:
     sets: tuple[Mapping[str, Any], ...]
 
 
-def find(folder: str | Path = ".") -> Path | None:
-    """Return the plan file of a folder: its `cpbench.toml`, else a `pyproject.toml` that has a `[tool.cpbench]`."""
-    own, project = Path(folder) / NAME, Path(folder) / PROJECT
-    if own.is_file():
-        return own
-    if project.is_file() and _table(project) is not None:
-        return project
-    return None
-
-
 def read(path: str | Path) -> PlanFile:
     """Return the plan file at `path`, its solvers declared; raises PlanError, and CpbenchError about a solver."""
     path = Path(path)
     table = _table(path)
-    if table is None:
-        raise PlanError(f"{path}: has no table [tool.cpbench]")
     if "solver" in table:
         declared.declare_all(table.pop("solver"), path)
     sets = _tables(table.pop("set", []), path)
     shared = [key for key in SETTINGS if key not in ("name", *ONLY_SAID)]
     top = _checked(table, shared, path, "", ["set", "solver"])
-    if path.name not in (NAME, PROJECT):
+    if path.name != NAME:
         top.setdefault("output", f"{path.stem}.sqlite")
     parts = [_checked(part, SET_SETTINGS, path, _title(part, i)) for i, part in enumerate(sets, 1)]
     names = [part.get("name", "") for part in parts]
@@ -85,19 +73,14 @@ def read(path: str | Path) -> PlanFile:
     return PlanFile(path, top, tuple(parts))
 
 
-def _table(path: Path) -> dict[str, Any] | None:
+def _table(path: Path) -> dict[str, Any]:
     try:
         with path.open("rb") as file:
-            result = tomllib.load(file)
+            return tomllib.load(file)
     except (ValueError, RecursionError) as cause:  # a number of 5000 digits is a ValueError of Python's own
         raise PlanError(f"{path}: is not valid TOML: {str(cause).splitlines()[0]}") from None
     except OSError as cause:
         raise PlanError(f"{path}: cannot be read ({cause.strerror or cause})") from None
-    if path.name != PROJECT:
-        return result
-    tool = result.get("tool")
-    table = tool.get("cpbench") if isinstance(tool, dict) else None
-    return table if isinstance(table, dict) else None
 
 
 def _tables(value: Any, path: Path) -> list[dict[str, Any]]:
