@@ -25,7 +25,7 @@ import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +40,25 @@ from cpbench.solvers.external.served import MATRICES, ServedSolver
 AT = "@"
 """Between the name of a solver and that of its variant."""
 Table = Mapping[str, Any]
-Check = Callable[[Any], Any]
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 _ROUTE = re.compile(r"exact|(inner|outer|facets)\d+.*|necessary|relaxed")
 """Requests of routes, which stand behind an @ in the labels of rows."""
 _SAFE = {"PYTHONSAFEPATH": "1", DECLARED: ""}
 """A module in the folder of a run is not imported; another cpbench need not know what is declared here."""
+
+VARIANT_KEYS = ("interpreter", "command", "serve", "exchange", "matrices", "env", "cwd", "options")
+KEYS: Mapping[str, type] = {
+    "node": str,
+    **dict.fromkeys(VARIANT_KEYS[1:], str),
+    "env": dict,
+    "options": dict,
+    **dict.fromkeys(("summary", "method", "install", "licence", "publishing", "kind"), str),
+    **dict.fromkeys(("warm_start", "deterministic", "by_default"), bool),
+}
+"""The keys of a table and the types of their values; a variant has those of `VARIANT_KEYS`."""
+EXPECTED: Mapping[type, str] = {str: "a text", bool: "true or false", dict: "a table"}
+MAY_BE_EMPTY = ("install", "publishing")
+CHOICES = {"matrices": MATRICES, "kind": (Kind.EQUIVALENT, Kind.RELAXATION)}
 
 MOST = 2**17 - 2**8
 """Bytes of all tables together: Linux starts no process with a longer variable."""
@@ -221,12 +234,11 @@ def _checked(name: str, table: Mapping[str, Any], place: str) -> dict[str, Any]:
     if at and _ROUTE.fullmatch(label):
         raise CpbenchError(f"{place}: {label} is the name of a route, which labels of rows show as {name}: rename it")
     keys = VARIANT_KEYS if at else KEYS
-    checked: dict[str, Any] = {}
     for key, value in table.items():
         if key not in keys:
             raise CpbenchError(f"{place}: {key} = {_shown(value)}: unknown key, known are {', '.join(keys)}")
         try:
-            checked[key] = keys[key](value)
+            _require(key, value)
         except CpbenchError as cause:
             raise CpbenchError(f"{place}: {key} = {_shown(value)}: {cause}") from None
     if not at and "node" not in table:
@@ -238,7 +250,7 @@ def _checked(name: str, table: Mapping[str, Any], place: str) -> dict[str, Any]:
         raise CpbenchError(f"{place}: has neither command nor serve: say how it is run")
     if at and not ways and "env" not in table:
         raise CpbenchError(f"{place}: says nothing that differs: interpreter, command, serve or env")
-    return checked
+    return dict(table)
 
 
 def _placed(table: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -256,68 +268,37 @@ def _placed(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     return placed
 
 
-def _text(value: Any) -> str:
-    if not isinstance(value, str) or not value:
-        raise CpbenchError("expected a text")
-    return value
-
-
-def _any_text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise CpbenchError("expected a text")
-    return value
-
-
-def _flag(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise CpbenchError("expected true or false")
-    return value
-
-
-def _words(value: Any) -> str:
-    try:
-        if not shlex.split(_text(value)):
+def _require(key: str, value: Any) -> None:
+    """Raise CpbenchError where a value cannot be that of its key."""
+    kind = KEYS.get(key, str)
+    if not isinstance(value, kind) or (not value and kind is str and key not in MAY_BE_EMPTY):
+        raise CpbenchError(f"expected {EXPECTED[kind]}")
+    if key in CHOICES and value not in CHOICES[key]:
+        raise CpbenchError(f"expected {' or '.join(CHOICES[key])}")
+    if key == "node":
+        formulations.get(value)
+    elif key == "exchange":
+        exchanges.get(value)
+    elif key in ("command", "serve"):
+        try:
+            empty = not shlex.split(value)
+        except ValueError as cause:
+            raise CpbenchError(f"cannot be split into words ({cause})") from None
+        if empty:
             raise CpbenchError("is empty")
-    except ValueError as cause:
-        raise CpbenchError(f"cannot be split into words ({cause})") from None
-    return value
-
-
-def _one_of(*choices: str) -> Check:
-    def check(value: Any) -> str:
-        if value not in choices:
-            raise CpbenchError(f"expected {' or '.join(choices)}")
-        return value
-
-    return check
-
-
-def _node(value: Any) -> str:
-    formulations.get(_text(value))
-    return value
-
-
-def _exchange(value: Any) -> str:
-    exchanges.get(_text(value))
-    return value
-
-
-def _env(value: Any) -> dict[str, str]:
-    if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
+    elif key == "env" and not all(isinstance(text, str) for text in value.values()):
         raise CpbenchError("expected a table of texts")
-    return value
+    elif key == "options":
+        _require_defaults(value)
 
 
-def _defaults(value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise CpbenchError("expected a table of options with their defaults")
-    for name, default in value.items():
+def _require_defaults(options: Mapping[str, Any]) -> None:
+    for name, default in options.items():
         if not name.isidentifier() or name in PLACEHOLDERS:
             taken = ", ".join(PLACEHOLDERS)
             raise CpbenchError(f"{name} is not a name for an option: letters, digits and _, and none of {taken}")
         if not isinstance(default, bool | int | float | str):
             raise CpbenchError(f"the default of {name} is not a number, text or truth value")
-    return value
 
 
 def _shown(value: Any) -> str:
@@ -327,28 +308,3 @@ def _shown(value: Any) -> str:
 
 def _quoted(name: str) -> str:
     return f'"{name}"' if AT in name else name
-
-
-VARIANT_KEYS: Mapping[str, Check] = {
-    "interpreter": _text,
-    "command": _words,
-    "serve": _words,
-    "exchange": _exchange,
-    "matrices": _one_of(*MATRICES),
-    "env": _env,
-    "cwd": _text,
-    "options": _defaults,
-}
-KEYS: Mapping[str, Check] = {
-    "node": _node,
-    **{key: check for key, check in VARIANT_KEYS.items() if key != "interpreter"},
-    "summary": _text,
-    "method": _text,
-    "install": _any_text,
-    "licence": _text,
-    "publishing": _any_text,
-    "kind": _one_of(Kind.EQUIVALENT, Kind.RELAXATION),
-    "warm_start": _flag,
-    "deterministic": _flag,
-    "by_default": _flag,
-}
