@@ -5,10 +5,9 @@ The import of a guest takes seconds and may crash or hang, hence the process, wh
 
 from __future__ import annotations
 
-import queue
-import threading
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import groupby
@@ -74,92 +73,69 @@ def glance(solver: Solver) -> SolverState:
 def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverState]:
     """Yield the states of solvers as they become known: those of one guest are imported in one process, two processes
     at a time. With `warm` they are warmed up too, so that compiled code is in the cache for the first run."""
-    waiting: queue.SimpleQueue[list[str]] = queue.SimpleQueue()
-    states: queue.SimpleQueue[SolverState | BaseException] = queue.SimpleQueue()
-    left = 0
+    waiting: list[list[str]] = []
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
         glances = [(solver, glance(solver)) for solver in members]
         known = [seen for _, seen in glances if seen.state == "missing" or (seen.state == "ok" and not warm)]
         yield from known
-        names = [seen.name for _, seen in glances if seen not in known]
-        if names:
-            waiting.put(names)
-            left += len(names)
-    threads = [_ImportThread(context(1), waiting, states, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
+        waiting.append([seen.name for _, seen in glances if seen not in known])
+    trial, pool = _Trial(context(1), warm), ThreadPoolExecutor(SIDE_BY_SIDE)
     try:
-        for thread in threads:
-            thread.start()
-        for _ in range(left):
-            one = states.get()
-            if isinstance(one, BaseException):
-                raise one
-            yield one
+        for done in as_completed([pool.submit(trial.states, names) for names in waiting]):
+            yield from done.result()
     finally:
-        for thread in threads:
-            thread.stop()
+        pool.shutdown(wait=False, cancel_futures=True)
+        trial.stop()
 
 
 def _guest(solver: Solver) -> tuple[str, tuple[str, ...]]:
     return type(solver).__module__, solver.spec.requires
 
 
-class _ImportThread(threading.Thread):
-    """A thread that starts one process after another and waits for it."""
+class _Trial:
+    """Processes that import guests, each started and waited for by a thread."""
 
-    def __init__(
-        self,
-        means: ForkServerContext,
-        waiting: queue.SimpleQueue[list[str]],
-        found: queue.SimpleQueue[SolverState | BaseException],
-        warm: bool,
-    ) -> None:
-        super().__init__(daemon=True)
-        self._means, self._waiting, self._found, self._warm = means, waiting, found, warm
-        self._child: Child | None = None
+    def __init__(self, means: ForkServerContext, warm: bool) -> None:
+        self._means, self._warm = means, warm
+        self._children: list[Child] = []
         self._stopped = False
 
-    def run(self) -> None:
-        try:
-            while not self._stopped:
-                names = self._waiting.get_nowait()
-                while names and not self._stopped:  # a solver that ends its process leaves the others a new one
-                    names = names[self._answered(names) :]
-        except queue.Empty:
-            return
-        except BaseException as error:
-            self._found.put(error)
-
     def stop(self) -> None:
+        """End the processes at work; no other one is started."""
         self._stopped = True
-        if self._child is not None:
-            self._child.kill_all()
+        for child in list(self._children):
+            child.kill_all()
 
-    def _answered(self, names: Sequence[str]) -> int:
-        """Return the number of solvers checked, up to and with the one that ended the process."""
-        child = None
+    def states(self, names: Sequence[str]) -> list[SolverState]:
+        """Return the states of the solvers; one that ends its process leaves the others a new one."""
+        found: list[SolverState] = []
+        while len(found) < len(names) and not self._stopped:
+            found += self._answered(names[len(found) :])
+        return found
+
+    def _answered(self, names: Sequence[str]) -> list[SolverState]:
+        """Return the states of the first solvers, up to and with the one that ended the process."""
+        found: list[SolverState] = []
+        child, why = None, ""
         seconds = PATIENCE + (WARM_UP.floor if self._warm else 0.0)
-        for i, name in enumerate(names):
-            try:
-                if child is None:
-                    child = self._child = Child(self._means, _main, (list(names), self._warm))
+        try:
+            child = Child(self._means, _main, (list(names), self._warm))
+            self._children.append(child)
+            for name in names:
                 header, _ = frames.unpack(child.receive(seconds))
-                seen = SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"]))
-            except TimedOut:
-                seen = SolverState(name, "broken", f"did not answer within {seconds:g} s")
-            except Died as death:
-                seen = SolverState(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
-            except (frames.FrameError, KeyError) as noise:
-                seen = SolverState(name, "broken", f"sent no valid message: {noise}")
-            else:
-                self._found.put(seen)
-                continue
-            self._found.put(seen)
-            names = names[: i + 1]
-            break
-        if child is not None:
-            self._child = None
-            child.kill()
-        return len(names)
+                found.append(SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"])))
+            return found
+        except TimedOut:
+            why = f"did not answer within {seconds:g} s"
+        except Died as death:
+            why = f"{death.output}\n{describe_exit(death)}".strip()
+        except (frames.FrameError, KeyError) as noise:
+            why = f"sent no valid message: {noise}"
+        finally:
+            if child is not None:
+                self._children.remove(child)
+                child.kill()
+        return [*found, SolverState(names[len(found)], "broken", why)]
 
 
 def _main(channel: Channel, names: Sequence[str], warm: bool) -> None:
