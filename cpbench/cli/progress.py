@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -22,10 +21,9 @@ from cpbench.graph import Apply
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.status import Status
 
 T = TypeVar("T")
-PAUSE, EVERY = 1.0, 30.0
-"""Seconds without a line after which a step has one, and between two lines of a step that lasts."""
 LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
@@ -47,18 +45,12 @@ def shown_progress(items: Iterable[T], total: int, text: str) -> Iterator[T]:
 
 
 class Steps:
-    """Steps of a command as lines on stderr, each with the seconds since the start; nothing when quiet.
+    """Steps of a command: on a terminal the one that lasts, with a spinner; nothing elsewhere, or when quiet. A context
+    manager, which ends the step."""
 
-    A step is printed when nothing was for `pause` seconds, even while it lasts, so that a short command prints none. A
-    context manager, which ends the waiting.
-    """
-
-    def __init__(self, quiet: bool, pause: float = PAUSE) -> None:
-        self._quiet, self._pause = quiet, pause
-        self._began = time.monotonic()
-        self._printed = self._began - pause / 2.0  # the interpreter has started before
-        self._timer: threading.Timer | None = None
-        self._lock = threading.RLock()
+    def __init__(self, quiet: bool) -> None:
+        self._shown = sys.stderr.isatty() and not quiet
+        self._status: Status | None = None
 
     def __enter__(self) -> Steps:
         return self
@@ -66,47 +58,29 @@ class Steps:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def say(self, step: str | Callable[[], str], first: float | None = None) -> None:
-        """Note a step, which begins; a function makes its text anew for each line. `first` : seconds until its first
-        line, None for the pause since the last one."""
+    def say(self, step: str) -> None:
+        """Note a step, which begins."""
         self.stop()
-        if not self._quiet:
-            wait = max(0.0, self._printed + self._pause - time.monotonic()) if first is None else first
-            self._wait(wait, step if callable(step) else lambda: step)
+        if self._shown:
+            self._status = _spinner(step)
+            self._status.start()
 
-    def through(self, items: Sequence[str], doing: str, noun: str) -> Iterator[str]:
-        """Yield the items; while they last, a bar on a terminal, or lines say how many are done."""
-        text = f"{doing} {counted(len(items), noun)}"
-        if sys.stderr.isatty() and not self._quiet:
-            self.stop()
-            yield from shown_progress(items, len(items), text)
-            return
-        done = 0
-        self.say(lambda: f"{text}: {done} done")
-        for item in items:
-            yield item
-            done += 1
+    def through(self, items: Sequence[str], text: str) -> Iterator[str]:
+        """Yield the items, with a bar while they last."""
         self.stop()
+        yield from shown_progress(items, len(items), text) if self._shown else items
 
     def stop(self) -> None:
-        """End the step without a line."""
-        with self._lock:
-            if self._timer is not None:
-                self._timer.cancel()
-            self._timer = None
+        """End the step."""
+        if self._status is not None:
+            self._status.stop()
+        self._status = None
 
-    def _wait(self, seconds: float, text: Callable[[], str]) -> None:
-        self._timer = threading.Timer(seconds, self._print, [text])
-        self._timer.daemon = True
-        self._timer.start()
 
-    def _print(self, text: Callable[[], str]) -> None:
-        with self._lock:
-            if threading.current_thread() is not self._timer:  # the next step has begun
-                return
-            self._printed = time.monotonic()
-            print_lines([f"{self._printed - self._began:5.1f} s  {text()}"], err=True)
-            self._wait(EVERY, text)
+def _spinner(text: str) -> Status:
+    from rich.text import Text
+
+    return _stderr().status(Text(on_one_line(text)))
 
 
 class Display(Observer):
@@ -123,7 +97,7 @@ class Display(Observer):
         self._counts: Counter[str] = Counter()
 
     def step(self, text: str) -> None:
-        """Note what is being done before and after pairs are run: it has a line while it lasts."""
+        """Note what is being done before and after pairs are run."""
         self._steps.say(text)
 
     def rest(self) -> None:
@@ -131,8 +105,8 @@ class Display(Observer):
         self._steps.stop()
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
-        """Yield the addresses, with a bar over the files on a terminal, with lines elsewhere."""
-        yield from self._steps.through(addresses, "reading", "problem")
+        """Yield the addresses, with a bar over the files on a terminal."""
+        yield from self._steps.through(addresses, f"reading {counted(len(addresses), 'problem')}")
         self.step("planning pairs")
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
@@ -143,8 +117,6 @@ class Display(Observer):
             click.echo(f"{counted(len(planned), 'pair')}{f', {before} done before' if before else ''}", err=True)
         if self._total and sys.stderr.isatty() and not self._quiet and not self._verbose:
             self._begin_bar()
-        elif self._total:
-            self._steps.say(self._line, EVERY)
 
     def progress(self, event: Event) -> None:
         """Show an event of the run."""
@@ -168,23 +140,17 @@ class Display(Observer):
             print_lines([f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {event_line(event)}"], err=True)
 
     def end(self) -> None:
-        self._steps.stop()
         if self._bar is not None:
             self._bar.stop()
 
     def _count(self, status: str) -> None:
-        """Count a pair that has ended; a line tells each tenth of the way, and what lasts longer than others."""
+        """Count a pair that has ended; a line tells each tenth of the way."""
         self._counts[status] += 1
         done = self._counts.total()
         if self._bar is not None:
             self._bar.update(0, completed=done, counts=summary(dict(self._counts)))
         elif not self._quiet and done % max(1, self._total // 10) == 0:
-            click.echo(self._line(), err=True)
-            if done < self._total:
-                self._steps.say(self._line, EVERY)
-
-    def _line(self) -> str:
-        return f"{self._counts.total()}/{self._total}  {summary(dict(self._counts))}".rstrip()
+            click.echo(f"{done}/{self._total}  {summary(dict(self._counts))}", err=True)
 
     def _begin_bar(self) -> None:
         """Show how far the run is, the time left, the statuses so far, and what is being done for how long."""
@@ -244,5 +210,5 @@ def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> P
     if not sys.stderr.isatty():
         click.echo(f"{edge.label}: {size}", err=True)
         return apply(edge, problem)
-    with _stderr().status(f"{edge.label}: {size}"):
+    with _spinner(f"{edge.label}: {size}"):
         return apply(edge, problem)

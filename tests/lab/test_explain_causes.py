@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,6 @@ from command_line import cpbench as command
 from planted_causes import local, tower
 
 import cpbench as cp
-from cpbench.cli.progress import Steps
 from cpbench.formulations import LCPPoint
 from cpbench.formulations.base import formulations
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers
@@ -232,20 +230,6 @@ def test_formulations_with_certificates_are_those_offered(node: str) -> None:
         pytest.skip(f"no case of {node}")
     reason = cp.certify(problem, problem.zero_point(), seconds=5.0).reason
     assert reason.startswith("no proof is known") == (not provable(node))
-
-
-def test_steps_are_printed_while_they_last(capsys: pytest.CaptureFixture[str]) -> None:
-    with Steps(quiet=False, pause=0.01) as steps:
-        steps.say("first")
-        for thread in threading.enumerate():  # what is printed while the captured text is read would be lost
-            if isinstance(thread, threading.Timer):
-                thread.join(60.0)
-        assert capsys.readouterr().err.endswith("s  first\n")
-    with Steps(quiet=True, pause=0.0) as steps:
-        steps.say("second")
-    with Steps(quiet=False, pause=60.0) as steps:
-        steps.say("third")
-    assert capsys.readouterr().err == ""
 
 
 def test_a_reduction_out_of_time_says_so(tmp_path: Path) -> None:

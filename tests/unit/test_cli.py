@@ -150,8 +150,7 @@ def test_unknown_names_offer_the_nearest(monkeypatch, capsys, lcp, contact, argu
     assert cpbench(monkeypatch, *[a.format(lcp=lcp, contact=contact) for a in arguments]) == 2
     said = capsys.readouterr().err
     assert word in said
-    steps = [line for line in said.splitlines() if re.match(r" *\d+\.\d s  ", line)]  # on a slow machine
-    assert len(said.splitlines()) - len(steps) == 1
+    assert len(said.splitlines()) == 1
     assert set(lcp.parent.iterdir()) == before
 
 
@@ -392,8 +391,7 @@ def test_nothing_to_run_is_bad_input(monkeypatch, capsys, lcp, arguments, word) 
     assert cpbench(monkeypatch, *[a.format(lcp=lcp) for a in arguments]) == 2
     said = capsys.readouterr().err
     assert word in said
-    steps = [line for line in said.splitlines() if re.match(r" *\d+\.\d s  ", line)]  # on a slow machine
-    assert len(said.splitlines()) - len(steps) == 1
+    assert len(said.splitlines()) == 1
     assert set(lcp.parent.iterdir()) == before
 
 
