@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpbench.bench.results import problem_files
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 
@@ -52,5 +51,4 @@ def side_of(store: Store) -> ComparisonSide:
     table = store.table()
     if not len(table):
         raise CpbenchError(f"{store.path}: has no rows; make some with: cpbench run PROBLEMS -o {store.path}")
-    meta = {**store.meta(), "changed": problem_files.changed(store)}
-    return ComparisonSide(str(store.path), table, meta, store.machines())
+    return ComparisonSide(str(store.path), table, store.meta(), store.machines())

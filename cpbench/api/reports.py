@@ -12,7 +12,6 @@ from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
-from cpbench.bench.results import problem_files
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Info
@@ -45,17 +44,16 @@ def write_report(
     publishable: bool = False,
     with_imported: bool = False,
     count_stationary: bool = False,
-    changed: Sequence[str] = (),
 ) -> tuple[list[Path], list[str]]:
     """Write Markdown, the offline page, figures and rows into a folder; returns the files, and what was left out.
 
     Parameters
     ----------
     run : the rows of the store, read here where they are not at hand. csv : whether the rows are written; None where
-        they are not too many. changed : lines on problem files. Others are those of `report.folder.write_folder`.
+        they are not too many. Others are those of `report.folder.write_folder`.
     """
     run = RunTable.of(store.table(), store.meta()) if run is None else run
-    run = replace(run, meta={**run.meta, "changed": list(changed), "sha256": store.sha256()})
+    run = replace(run, meta={**run.meta, "sha256": store.sha256()})
     many = csv is None and len(run.rows) > row_files.MOST
     notes = [f"no results.csv: {len(run.rows)} rows are more than {row_files.MOST}; --csv writes it all the same"]
     files = write_folder(
@@ -88,15 +86,12 @@ def report_file(
 
     with Store(results) as store:
         require_folder(folder)
-        changed = problem_files.changed(store)
         if baseline is None:
-            files, notes = write_report(store, folder, title, changed=changed, **choices)
-            return files, [*notes, *changed]
+            return write_report(store, folder, title, **choices)
         new = side_of(store)
         comparison = compare(side(baseline), new)
         run = RunTable.of(new.table, store.meta())
-        files, notes = write_report(store, folder, title, run, comparison=comparison, changed=changed, **choices)
-        return files, [*notes, *changed]
+        return write_report(store, folder, title, run, comparison=comparison, **choices)
 
 
 def _origins(store: Store, table: pd.DataFrame) -> dict[str, ProblemOrigin]:

@@ -136,7 +136,6 @@ class Results:
         Raises FormatError where the folder cannot be made.
         """
         from cpbench.api.reports import write_report
-        from cpbench.bench.results import problem_files
         from cpbench.errors import FormatError
 
         place = Path(folder)
@@ -145,8 +144,7 @@ class Results:
         except OSError as cause:
             raise FormatError(place, "", f"cannot be a folder ({cause.strerror or cause})") from None
         with Store(self.path) as store:
-            changed = problem_files.changed(store)
-            files, _ = write_report(store, place, title or self.path.stem, self._run, changed=changed, **choice)
+            files, _ = write_report(store, place, title or self.path.stem, self._run, **choice)
         return next(file for file in files if file.suffix == ".html")
 
     def compare(self, base: str | Path | Results, **settings: Any) -> Comparison:

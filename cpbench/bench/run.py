@@ -25,7 +25,6 @@ from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN, RETRIED
 from cpbench.bench.reference import NAME, Reference
-from cpbench.bench.results import problem_files
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.slot import FELL_BACK, Slot
@@ -132,7 +131,6 @@ def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) 
         reference=NAME,
         builtin=asked.builtin,
         formats=_formats(before.get("formats", {}), assembly.read),
-        files={**before.get("files", {}), **problem_files.digests(assembly.read)},
         plan=asked.effective(assembly.found),
     )
     return pairs

@@ -99,9 +99,8 @@ class Run:
 
     @cached_property
     def remarks(self) -> list[str]:
-        """`cautions.remarks` of all rows, and of problem files that changed: what the lines below the answer say."""
-        of_files = [str(line) for line in self.meta.get("changed") or []]
-        return [*cautions.remarks(self.read), *of_files]
+        """`cautions.remarks` of all rows: what the lines below the answer say."""
+        return list(cautions.remarks(self.read))
 
     @property
     def all_rows(self) -> str:

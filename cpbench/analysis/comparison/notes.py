@@ -24,15 +24,6 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
 
 
-def on_files(metas: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Note the problem files of both sides that were changed since."""
-    return [
-        f"{name}: {line}"
-        for name, meta in zip(("base", "new results"), metas, strict=True)
-        for line in meta.get("changed") or []
-    ]
-
-
 def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
     """Note what was not compared, and why; `idle` pairs were started on neither side."""
     notes: list[str] = []

@@ -215,7 +215,6 @@ def _compare(
         idle=int((~started).sum()),
         notes=(
             *notes.on_publishing([base.table, new.table], [base.meta, new.meta]),
-            *notes.on_files([base.meta, new.meta]),
             *notes.on_pairs(judged, matched, int((~started).sum())),
             *notes.on_stationary(judged, settings.count_stationary),
             *notes.on_times(judged, noise, interleaved, bool(one_machine.any())),
