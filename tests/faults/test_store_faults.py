@@ -151,18 +151,6 @@ def assert_intact(path: Path, done: int) -> None:
 # ------------------------------------------------------------------------------------------------ room
 
 
-def test_a_full_disk_loses_nothing(disk: Path) -> None:
-    path = disk / "r.sqlite"
-    done = fill(path)
-    assert 5 < done < 60
-    assert_intact(path, done)
-    subprocess.run(["mount", "-o", "remount,size=16m", str(disk)], check=True)
-    with Store(path, create=True) as store:
-        for p in PLANNED[done:]:
-            store.finish(p.key, Outcome(**ROW, answer=bytes(20_000)))
-    assert_intact(path, 200)
-
-
 def test_a_file_that_may_not_grow_loses_nothing(tmp_path: Path) -> None:
     """The same by a limit on the size of files, which every user can set, in a process of its own."""
     path = tmp_path / "r.sqlite"

@@ -22,7 +22,6 @@ from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
 from cpbench.bench.problem_cache import ProblemCache, TimedConversions
 from cpbench.bench.referee import Referee
-from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
@@ -58,13 +57,6 @@ def _lcp(folder: Path, name: str = "p", n: int = 3) -> Path:
 
 def _case(address: str, fingerprint: str, node: str, request: plan.Request) -> RefereeCase:
     return RefereeCase(address, None, fingerprint, node, request, 1e-6)
-
-
-def test_messages_carry_vectors_and_bytes() -> None:
-    header, parts = frames.unpack(frames.pack({"error": float("inf")}, {"z": np.arange(3.0), "answer": b"\x00\xff"}))
-    assert header == {"error": float("inf")}
-    assert parts["z"].tolist() == [0.0, 1.0, 2.0]
-    assert parts["answer"] == b"\x00\xff"
 
 
 def _framed(header: bytes) -> bytes:
@@ -191,21 +183,6 @@ def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(slot: Slot, tmp_path: 
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_finished_row_stays(slot: Slot, tmp_path: Path) -> None:
-    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
-    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    store = Store(tmp_path / "r.sqlite", create=True)
-    store.plan(planned)
-    assert store.counts() == {"not_run": 1}
-    execute([slot], store, planned, seed=0)
-    before = store.row(planned[0].key)
-    store.plan(planned)
-    execute([slot], store, planned, seed=0)
-    assert store.row(planned[0].key) == before
-    store.close()
-
-
-@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(("keep", "kept"), [("none", 0), ("wrong", 0), ("all", 1)])
 def test_answers_are_kept_as_asked(slot: Slot, tmp_path: Path, keep: str, kept: int) -> None:
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
@@ -214,19 +191,6 @@ def test_answers_are_kept_as_asked(slot: Slot, tmp_path: Path, keep: str, kept: 
     store.plan(planned)
     execute([slot], store, planned, seed=0)
     assert len(list(store.answers())) == kept
-    store.close()
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_a_row_and_its_answer_come_together_or_not_at_all(slot: Slot, tmp_path: Path) -> None:
-    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
-    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    store = Store(tmp_path / "r.sqlite", create=True)
-    store.plan(planned)
-    with pytest.raises(StoreError):
-        store.finish(planned[0].key, Outcome(status=object(), answer=b"answer"))  # what SQLite cannot store
-    assert store.counts() == {"not_run": 1}
-    assert list(store.answers()) == []
     store.close()
 
 

@@ -32,15 +32,16 @@ Reply = dict[str, Any]
 
 
 class Desk:
-    """A solver, the problem it holds, and its last answer."""
+    """A solver, the problem it holds, and its last answer: each is there from the request on that makes it."""
+
+    _solver: Solver
+    _exchange: Exchange
+    _problem: Problem
+    _handed: Any
+    _output: SolverOutput | None = None
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._solver: Solver | None = None
-        self._exchange: Exchange | None = None
-        self._problem: Problem | None = None
-        self._handed: Any = None
-        self._output: SolverOutput | None = None
 
     def serve(self, requests: IO[bytes], replies: IO[bytes]) -> None:
         """Answer line by line until `quit` or the end."""
@@ -70,47 +71,46 @@ class Desk:
             return {"unavailable": refusal.detail, "state": refusal.state}
         except MemoryError as cause:
             return {"memory": str(cause) or "MemoryError"}
-        except CpbenchError as cause:
-            return {"error": f"{type(cause).__name__}: {cause}"}
         except Exception as cause:
-            traceback.print_exc()
+            if not isinstance(cause, CpbenchError):
+                traceback.print_exc()
             return {"error": f"{type(cause).__name__}: {cause}"}
 
     def _hello(self, request: Mapping[str, Any]) -> Reply:
-        solver = self._solver = solvers.get(self._name)
-        available = solver.availability()
+        self._solver = solvers.get(self._name)
+        available = self._solver.availability()
         if not available.ok:
             raise Unavailable(available.state, available.detail)
-        return {"name": self._name, "version": solver.version()}
+        return {"name": self._name, "version": self._solver.version()}
 
     def _warmup(self, request: Mapping[str, Any]) -> Reply:
-        self._known().warmup()
+        self._solver.warmup()
         return {}
 
     def _load(self, request: Mapping[str, Any]) -> Reply:
         path = Path(request["problem"])
-        self._problem = self._handed = self._output = None  # two at a time might not fit
+        self._output = self._handed = None
+        self.__dict__.pop("_problem", None)  # two at a time might not fit
         self._exchange = _exchange(path)
         problem = self._exchange.read_problem(path)
-        why = self._known().obstacle(problem)
+        why = self._solver.obstacle(problem)
         if why is not None:
             raise NotApplicable(self._name, why)
-        self._handed = self._known().hand_over(problem)
-        self._problem = problem
+        self._handed, self._problem = self._solver.hand_over(problem), problem
         return {}
 
     def _solve(self, request: Mapping[str, Any]) -> Reply:
-        solver, problem, start = self._known(), self._held(), None
-        seconds, iterations = request.get("seconds"), request.get("iterations")
+        solver, start = self._solver, None
+        seconds = request.get("seconds")
         budget = Budget(
             tolerance=request["tolerance"],
             seconds=math.inf if seconds is None else seconds,
-            iterations=iterations,
+            iterations=request.get("iterations"),
             seed=request.get("seed", 0),
         )
         options = solver.spec.options(**request.get("options", {}))
         if request.get("start") is not None:
-            start = self._known_exchange().read_answer(Path(request["start"]), problem)
+            start = self._exchange.read_answer(Path(request["start"]), self._problem)
         begun = time.perf_counter()
         output = solver.solve(solver.setup(self._handed, budget, options), budget, options, start)
         taken = time.perf_counter() - begun
@@ -121,25 +121,10 @@ class Desk:
     def _write(self, request: Mapping[str, Any]) -> Reply:
         if self._output is None:
             raise CpbenchError("nothing was solved since the problem was loaded")
-        point = self._known().collect(self._output).point
+        point = self._solver.collect(self._output).point
         if point is not None:
-            self._known_exchange().write_answer(point, Path(request["answer"]))
+            self._exchange.write_answer(point, Path(request["answer"]))
         return {}
-
-    def _known(self) -> Solver:
-        if self._solver is None:
-            raise CpbenchError("was not greeted")
-        return self._solver
-
-    def _known_exchange(self) -> Exchange:
-        if self._exchange is None:
-            raise CpbenchError("holds no problem")
-        return self._exchange
-
-    def _held(self) -> Problem:
-        if self._problem is None:
-            raise CpbenchError("holds no problem")
-        return self._problem
 
 
 def _exchange(path: Path) -> Exchange:
