@@ -10,7 +10,7 @@ from typing import Any
 from cpbench import graph, proofs, verification
 from cpbench.api.solution import Solution
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
-from cpbench.bench.planning.nearest import AUTO, nearest_automatic
+from cpbench.bench.planning.plan import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem

@@ -12,7 +12,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from cpbench.bench.planning import plan_file, run_plan, suites
+from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.run_plan import SETTINGS
 from cpbench.bench.run import open_run
 from cpbench.cli.options import MEMORY_HELP, TIMEOUT_HELP, VIA_HELP, ListOption, Sections, quiet_option
@@ -124,7 +124,7 @@ def command(
     if no_report:
         given["report"] = None
     values = (file.top, file.sets) if file is not None else ({}, [])
-    suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
+    suite = partial(run_plan.suite_values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
     display = Display(quiet, verbose)
     display.step("looking for problems")

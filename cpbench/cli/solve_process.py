@@ -19,8 +19,8 @@ from cpbench.api.solution import Solution
 from cpbench.api.solving import JUDGE, Way, advised, solve_there, way_to
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
-from cpbench.bench.planning.nearest import AUTO
 from cpbench.bench.planning.places import located
+from cpbench.bench.planning.plan import AUTO
 from cpbench.bench.processes.alone import FIRST, OFF, SOLVE, Stopped, Work, run_alone
 from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from cpbench import storage
 from cpbench.bench.planning import plan
-from cpbench.bench.planning.nearest import nearest_automatic
+from cpbench.bench.planning.plan import nearest_automatic
 from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting

@@ -94,7 +94,7 @@ def test_a_solver_is_chosen_where_none_is_named() -> None:
 @pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("node", ["equation", "nfc"])
 def test_a_formulation_without_an_automatic_choice_gets_a_solver_of_its_own(node: str) -> None:
-    from cpbench.bench.planning.nearest import nearest_automatic
+    from cpbench.bench.planning.plan import nearest_automatic
 
     chosen = [solvers.get(name).spec.node for name in nearest_automatic(node)]
     assert node in chosen

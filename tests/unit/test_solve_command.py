@@ -15,7 +15,7 @@ import cpbench
 from cpbench import storage
 from cpbench.analysis.contact_table import contact_table
 from cpbench.bench.planning import grids
-from cpbench.bench.planning.nearest import all_automatic, nearest_automatic
+from cpbench.bench.planning.plan import all_automatic, nearest_automatic
 from cpbench.cli.answered import WORDS, status_text
 from cpbench.cli.solve_process import own
 from cpbench.errors import CpbenchError, NoRoute, UnknownName

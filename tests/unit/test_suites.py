@@ -17,7 +17,7 @@ from cpbench import graph, storage
 from cpbench.analysis import ranking_sentence as ranking
 from cpbench.analysis.participation import lacking_lines, unreached_lines
 from cpbench.bench import skipped
-from cpbench.bench.planning import grids, run_plan, suites
+from cpbench.bench.planning import grids, run_plan
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
@@ -37,7 +37,7 @@ def _few() -> list[str]:
 
 
 def _made(given: Mapping[str, Any], *sets: Mapping[str, Any]) -> run_plan.RunPlan:
-    return run_plan.make(given, {}, sets, suite=lambda name: suites.values(name, _few))
+    return run_plan.make(given, {}, sets, suite=lambda name: run_plan.suite_values(name, _few))
 
 
 def test_the_quick_problems_are_of_the_core_and_of_a_size_that_matters() -> None:
@@ -77,7 +77,7 @@ def test_families_take_turns_nearest_to_the_middle_first() -> None:
 @pytest.mark.needs("cpbench_solvers")
 def test_the_quick_solvers_come_with_cpbench_or_its_backends_and_reach_the_main_formulations() -> None:
     """The main formulations without any extra."""
-    chosen = [solvers.get(name).spec for name in suites.quick_solvers()]
+    chosen = [solvers.get(name).spec for name in run_plan.quick_solvers()]
     assert not any(missing(spec) for spec in chosen)
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
@@ -92,7 +92,7 @@ def test_the_quick_solvers_come_with_cpbench_or_its_backends_and_reach_the_main_
 @pytest.mark.needs("cpbench_solvers")
 def test_a_quick_solver_takes_every_quick_problem() -> None:
     """By an exact route, whatever the problem's own numbers say of it."""
-    folder, nodes = builtin_folder(), sorted({solvers.get(name).spec.node for name in suites.quick_solvers()})
+    folder, nodes = builtin_folder(), sorted({solvers.get(name).spec.node for name in run_plan.quick_solvers()})
     for address in quick_problems(folder):
         problem = storage.load(f"{folder}/{address.removeprefix('builtin/')}")
         ends = [problem.node] if problem.node in nodes else nodes
@@ -102,8 +102,8 @@ def test_a_quick_solver_takes_every_quick_problem() -> None:
 def test_without_problems_a_run_is_the_quick_suite() -> None:
     plan = _made({})
     (part,) = plan.sets
-    assert (part.problems, part.solvers, part.routes) == (tuple(_few()), suites.quick_solvers(), "exact")
-    assert part.timeout == suites.QUICK_SECONDS
+    assert (part.problems, part.solvers, part.routes) == (tuple(_few()), run_plan.quick_solvers(), "exact")
+    assert part.timeout == run_plan.QUICK_SECONDS
     assert not part.chosen
     assert (plan.suite, str(plan.results), str(plan.report_folder)) == ("quick", "quick.sqlite", "reports/quick")
 
@@ -114,7 +114,7 @@ def test_the_larger_suites_are_all_built_in_problems() -> None:
     assert (standard.sets[0].allowed_routes, full.sets[0].allowed_routes) == ("exact", "facets")
     assert (str(standard.results), str(full.results)) == ("standard.sqlite", "builtin.sqlite")
     assert (standard.builtin, full.builtin) == (False, True)
-    word = run_plan.make({"problems": ("builtin",)}, {}, [], suite=lambda name: suites.values(name, _few))
+    word = run_plan.make({"problems": ("builtin",)}, {}, [], suite=lambda name: run_plan.suite_values(name, _few))
     assert replace(full.sets[0], suite="", routes="") == word.sets[0], "the word builtin is what it was"
 
 

@@ -18,8 +18,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from decimal import Decimal
 
-from cpbench.bench.planning.nearest import AUTO, all_automatic
-from cpbench.bench.planning.plan import Entry, entry_of
+from cpbench.bench.planning.plan import AUTO, Entry, all_automatic, entry_of
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.foundation.text import read_brackets
 from cpbench.solvers.base import solvers

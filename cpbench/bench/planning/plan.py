@@ -8,23 +8,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench.bench.planning.nearest import nearest_reached
+from cpbench import graph
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
 from cpbench.foundation.text import read_brackets
 from cpbench.graph import nodes_of_maps
+from cpbench.solvers.automatic import automatic_solver, automatic_solvers
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 
 if TYPE_CHECKING:
     from cpbench.bench.messages import Surveyed
 
+AUTO = "auto"
+"""The name that stands for the automatic choice, whatever the formulation of a problem."""
 PREVIOUS = "previous"
 """The start policy by which a step of a sequence starts from the answer to the preceding step."""
 EXACT_KINDS = (str(Kind.EQUIVALENT), str(Kind.ONE_WAY))
@@ -281,3 +284,38 @@ def pairs(
                 # two files may hold one problem: it is run once, under its first name
                 planned.setdefault(pair.key, pair)
     return list(planned.values())
+
+
+# ----------------------------------------------------------------------------------- the automatic choice
+
+
+def nearest_automatic(node: str) -> Iterator[str]:
+    """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
+    other solvers of that formulation."""
+    own = automatic_solver(node)
+    if own is not None:
+        yield own
+    known = automatic_solvers()
+    # only the cheapest path of each: they come in this order
+    first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
+    ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
+    yield from (name for _, name in ordered)
+    yield from (name for name in _own(node) if name not in known.values())
+
+
+def all_automatic() -> list[str]:
+    """Return every solver that may be the automatic choice of some problem."""
+    known = automatic_solvers()
+    without = [node for node in graph.formulations.names() if node not in known]
+    return [*known.values(), *(name for node in without for name in _own(node))]
+
+
+@lru_cache(maxsize=2**10)
+def nearest_reached(node: str, nodes: frozenset[str]) -> str:
+    """Return the first of `nearest_automatic` whose formulation is one of `nodes`; '' where there is none."""
+    return next((name for name in nearest_automatic(node) if solvers.get(name).spec.node in nodes), "")
+
+
+def _own(node: str) -> Iterator[str]:
+    ours = (one for one in solvers if one.spec.node == node and one.origin == "native")
+    return (one.spec.name for one in ours if one.spec.by_default)

@@ -12,12 +12,26 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.planning import settings, suites
+from cpbench.bench.planning import settings
 from cpbench.bench.planning.places import BUILTIN
 from cpbench.bench.planning.plan import Limits
 from cpbench.bench.planning.settings import choice, setting
 from cpbench.bench.results.store import KEEP
 from cpbench.errors import CpbenchError
+from cpbench.solvers.base import solvers
+
+QUICK, STANDARD, FULL = "quick", "standard", "full"
+SUITES = (QUICK, STANDARD, FULL)
+"""Suites of built-in problems, for runs that name no problem: nothing but values of a set, which what is said wins
+over.
+
+    quick       ten problems of each formulation of the core, by the solvers of `SolverSpec.quick`: an answer within a
+                minute
+    standard    all built-in problems, by the same solvers
+    full        all built-in problems, by every solver that is installed, approximate routes too
+"""
+QUICK_SECONDS, QUICK_REPEATED = 5.0, 0.02
+"""Limit of a solve of the quick suite, and below what it is repeated [s]: its results are to come within a minute."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +51,7 @@ class ProblemSet:
 
     name: str = setting("", settings.text)
     problems: tuple[str, ...] = setting((BUILTIN,), settings.some_texts)
-    suite: str = choice("", *suites.SUITES)
+    suite: str = choice("", *SUITES)
     where: str = setting("", settings.condition, "CONDITION")
     format: str | None = setting(None, settings.file_format)
     solvers: tuple[str, ...] = setting((), settings.solvers, "NAME[opt=value]")
@@ -56,7 +70,7 @@ class ProblemSet:
     @property
     def chosen(self) -> bool:
         """Whether somebody named the solvers, which a suite does not."""
-        return bool(self.solvers) and not (self.suite and self.solvers == suites.quick_solvers())
+        return bool(self.solvers) and not (self.suite and self.solvers == quick_solvers())
 
     @property
     def builtin(self) -> bool:
@@ -100,7 +114,7 @@ class RunPlan:
     def builtin(self) -> bool:
         """Whether it is the built-in suite, all of it and nothing else."""
         return self.shard == (1, 1) and all(
-            part.builtin and part.suite != suites.STANDARD and not part.where for part in self.sets
+            part.builtin and part.suite != STANDARD and not part.where for part in self.sets
         )
 
     @property
@@ -108,7 +122,7 @@ class RunPlan:
         """The name of the suite that the plan runs unchanged, '' for any other plan."""
         part = self.sets[0]
         whole = len(self.sets) == 1 and self.shard == (1, 1) and not part.where
-        return part.suite if whole and (part.suite == suites.FULL or not part.chosen) else ""
+        return part.suite if whole and (part.suite == FULL or not part.chosen) else ""
 
     @property
     def results(self) -> Path:
@@ -170,4 +184,29 @@ def _part(table: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | 
         )
     if "problems" in table or suite is None:
         return ProblemSet(**table)
-    return ProblemSet(**{**suite(table.get("suite") or suites.QUICK), **table})
+    return ProblemSet(**{**suite(table.get("suite") or QUICK), **table})
+
+
+def suite_values(suite: str, problems: Callable[[], Sequence[str]]) -> dict[str, Any]:
+    """Return the values that a suite gives a set; `problems` finds the addresses of the small ones.
+
+    >>> suite_values("full", list)
+    {'suite': 'full', 'problems': ('builtin',), 'routes': 'facets'}
+    """
+    if suite == QUICK:
+        return {
+            "suite": suite,
+            "routes": "exact",
+            "problems": tuple(problems()),
+            "solvers": quick_solvers(),
+            "timeout": QUICK_SECONDS,
+            "repeat_below": QUICK_REPEATED,
+        }
+    if suite == STANDARD:
+        return {"suite": suite, "problems": ("builtin",), "solvers": quick_solvers(), "routes": "exact"}
+    return {"suite": suite, "problems": ("builtin",), "routes": "facets"}
+
+
+def quick_solvers() -> tuple[str, ...]:
+    """Return the names of the solvers in the quick suite."""
+    return tuple(solver.spec.name for solver in solvers if solver.spec.quick)
