@@ -70,25 +70,17 @@ def _sets(assembly: Assembly) -> Iterator[str]:
 
 
 def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
-    """Return the longest time that the solves can take, with its parts, as text."""
+    """Return as text the longest time that the solves can take, with their repeats, histories and retries."""
     if not todo:
         return "nothing"
-    limits = [pair.limits for pair in todo]
-    first = sum(limit.seconds + GRACE for limit in limits) / asked.jobs
-    repeats = sum(min(limit.repeat_below, limit.seconds) * (limit.repeats - 1) for limit in limits) / asked.jobs
-    recorded = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
-    shortest, longest = (duration(end(limit.seconds for limit in limits)) for end in (min, max))
-    limit = shortest if shortest == longest else f"{shortest} to {longest}"
-    parts = [f"{duration(first)} if every solve times out ({limit} and {GRACE:g} s)"]
-    if repeats:
-        parts.append(f"{duration(repeats)} for repeats of short ones")
-    if recorded:
-        parts.append(f"{duration(recorded)} for histories")
-    if asked.retry:
-        parts.append(f"{counted(asked.retry, 'retry', 'retries')}, as much again each")
+    whole = 0.0
+    for pair in todo:
+        limit = pair.limits
+        whole += (limit.seconds + GRACE) * (2 if _recorded(pair) else 1)
+        whole += min(limit.repeat_below, limit.seconds) * (limit.repeats - 1)
     slots = f" with {asked.jobs} solves at a time" if asked.jobs > 1 else ""
-    whole = (first + repeats + recorded) * (1 + asked.retry)
-    return f"worst case {duration(whole)}{slots} ({'; '.join(parts)}); conversions and judging come on top"
+    longest = duration(whole * (1 + asked.retry) / asked.jobs)
+    return f"worst case {longest}{slots}, where every solve times out; conversions and judging come on top"
 
 
 def _recorded(pair: Pair) -> bool:

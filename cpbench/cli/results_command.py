@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Container, Iterator
-from itertools import chain, count
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,7 +14,7 @@ from cpbench.api.concluding import conclude, contradiction_lines
 from cpbench.bench.planning.selection import addresses
 from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_answers
 from cpbench.bench.results.merge import merge
-from cpbench.bench.results.rows import Row, unpack_answer
+from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.cli import Group
 from cpbench.cli.options import Command, ListOption, force_option, format_option, measure_option, tolerance_option
@@ -26,6 +25,10 @@ from cpbench.foundation.text import counted, summary
 from cpbench.generators.collection import builtin_folder
 from cpbench.storage.base import require_new, write_atomic
 
+ATTRIBUTES = (
+    "label", "solver", "tolerance", "start", "threads", "measure", "set", "status", "error", "claim", "route",
+)  # fmt: skip
+"""Facts of its row that an exported answer has."""
 SHOWN = 10
 """Largest number of lines of a kind; the rest is counted."""
 
@@ -92,8 +95,8 @@ def export(results: Path, rows: Path | None, columns: tuple[str, ...], answers: 
 
 
 def _write_answers(store: Store, path: Path, force: bool) -> int:
-    """Write a group for each problem and a dataset for each label, with status, error and solver as attributes; return
-    the number of answers."""
+    """Write a group for each problem and a dataset for each row, with what tells rows of one label apart as attributes;
+    return the number of answers."""
     import h5py
 
     written = 0
@@ -105,25 +108,14 @@ def _write_answers(store: Store, path: Path, force: bool) -> int:
                 row = store.row(key)
                 group = file.require_group(f"{row.problem}-{row.fingerprint[:8]}")
                 group.attrs.update({"node": row.node, "fingerprint": row.fingerprint, "address": row.address})
-                data = group.create_dataset(_name(row, group), data=unpack_answer(blob))
-                attributes = {name: getattr(row, name) for name in ("status", "error", "claim", "route", "solver")}
+                name = f"{row.label} {key[:8]}".replace("/", "|")
+                data = group.create_dataset(name, data=unpack_answer(blob))
+                attributes = {name: getattr(row, name) for name in ATTRIBUTES}
                 data.attrs.update({name: value for name, value in attributes.items() if value is not None})
                 written += 1
 
     write_atomic(path, put, force=force)
     return written
-
-
-def _name(row: Row, taken: Container[str]) -> str:
-    """Return label, tolerance and what else tells rows of one problem apart, where it is not the usual: `lemke
-    tol=1e-06 start=file:2`; the number of the row among those of one name, where two sets have it."""
-    parts = [row.label, f"tol={row.tolerance:g}"]
-    parts += [f"start={row.start}"] if row.start not in (None, "", "cold") else []
-    parts += [f"threads={row.threads}"] if row.threads != 1 else []
-    parts += [f"measure={row.measure}"] if row.measure else []
-    name = " ".join(parts).replace("/", "|")
-    names = chain([name], (f"{name} ({k})" for k in count(2)))
-    return next(numbered for numbered in names if numbered not in taken)
 
 
 @command.command("import", cls=Command)

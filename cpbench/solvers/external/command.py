@@ -14,15 +14,22 @@ import math
 import shlex
 import string
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from cpbench.errors import CpbenchError, Ended, FormatError, Unavailable
-from cpbench.formulations.exchange import exchanges
 from cpbench.foundation.child_processes import kill_tree, start, wait
-from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
-from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing_executable, output
+from cpbench.solvers.base import Availability, Budget, Claim, Record, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.external.served import (
+    ANSWERED,
+    CLAIM,
+    HandedOver,
+    ProgramSolver,
+    backstop,
+    missing_executable,
+    output,
+)
 from cpbench.solvers.external.session import ProgramError
 
 PLACEHOLDERS = {
@@ -39,7 +46,7 @@ _MOST = 2**20
 """Bytes of a claim that are read."""
 
 
-class CommandSolver(Solver):
+class CommandSolver(ProgramSolver):
     """A solver that is run as a command, without a shell.
 
         CommandSolver(spec, command, exchange="npy-dir", matrices="as-is", env=None, cwd=None)
@@ -50,31 +57,13 @@ class CommandSolver(Solver):
 
     Parameters
     ----------
-    spec : name, node, options, ... as of any solver.
     command : words split as a shell does, in which `PLACEHOLDERS` and names of options may stand in braces. The rest
-    is as for `ServedSolver`. Raises CpbenchError when the command cannot be split, or has an unknown placeholder.
+    is as for `ProgramSolver`. Raises CpbenchError when the command cannot be split, or has an unknown placeholder.
     """
 
-    def __init__(
-        self,
-        spec: SolverSpec,
-        command: str,
-        exchange: str = "npy-dir",
-        matrices: str = "as-is",
-        env: Mapping[str, str] | None = None,
-        cwd: str | None = None,
-    ) -> None:
-        spec = dataclasses.replace(spec, traits=spec.traits | {Trait.LAUNCHES})
-        self.spec = spec  # pyright: ignore[reportAttributeAccessIssue] - one class, a spec for every program
-        self.command = words(command, [option.name for option in dataclasses.fields(spec.options)])
-        self.exchange, self.matrices = exchange, matrices
-        self.env, self.cwd = dict(env or {}), cwd
-
-    def obstacle(self, problem: Any) -> str | None:
-        return exchanges.get(self.exchange).obstacle(problem)
-
-    def hand_over(self, problem: Any) -> HandedOver:
-        return HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
+    def __init__(self, spec: SolverSpec, command: str, *arguments: Any, **more: Any) -> None:
+        split = words(command, [option.name for option in dataclasses.fields(spec.options)])
+        super().__init__(dataclasses.replace(spec, traits=spec.traits | {Trait.LAUNCHES}), split, *arguments, **more)
 
     def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
         """Remove the answers of earlier solves, which might be taken for this one's."""

@@ -35,7 +35,7 @@ from cpbench.formulations.exchange import exchanges
 from cpbench.registry import DECLARED, PLUGIN_MODULE
 from cpbench.solvers.base import NoOptions, Solver, SolverSpec, Trait, solvers
 from cpbench.solvers.external.command import PLACEHOLDERS, CommandSolver
-from cpbench.solvers.external.served import MATRICES, ServedSolver
+from cpbench.solvers.external.served import MATRICES, ProgramSolver, ServedSolver
 
 AT = "@"
 """Between the name of a solver and that of its variant."""
@@ -175,7 +175,7 @@ def _variant(name: str, table: Table, base: Solver) -> Solver:
     spec = dataclasses.replace(base.spec, name=name, requires=(), traits=base.spec.traits - {Trait.HISTORY})
     if "options" in table:
         spec = dataclasses.replace(spec, options=_options(name, table["options"]))
-    external = isinstance(base, CommandSolver | ServedSolver)
+    external = isinstance(base, ProgramSolver)
     if external:  # a command that becomes a served program launches no more
         spec = dataclasses.replace(spec, traits=spec.traits - {Trait.LAUNCHES})
     if "interpreter" in table and external:

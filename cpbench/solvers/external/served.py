@@ -118,17 +118,14 @@ class HandedOver:
             raise ValueError(f"{solver} claims {claim}, its answer {cause.field} {cause.cause}") from None
 
 
-class ServedSolver(Solver):
-    """A solver in a separate program.
-
-        ServedSolver(spec, command, exchange="npy-dir", matrices="as-is", env=None, cwd=None)
+class ProgramSolver(Solver):
+    """A solver in a program, which gets problems by an exchange.
 
     Parameters
     ----------
     spec : name, node, options, ... as of any solver; `spec.install` is what `availability` tells where the executable
-    is missing. The options of a solve are sent as they are, by name.
-    command : the executable and its arguments: an absolute path, a path in `cwd`, or a name looked up in PATH.
-    exchange : how problems and answers are handed over. matrices : "as-is", all "dense", or all "csr".
+    is missing. command : the executable and its arguments: an absolute path, a path in `cwd`, or a name looked up in
+    PATH. exchange : how problems and answers are handed over. matrices : "as-is", all "dense", or all "csr".
     env : variables beside those of this process. cwd : the folder it runs in, None for that of this process.
     """
 
@@ -144,19 +141,30 @@ class ServedSolver(Solver):
         self.spec = spec  # pyright: ignore[reportAttributeAccessIssue] - one class, a spec for every program
         self.command, self.exchange, self.matrices = tuple(command), exchange, matrices
         self.env, self.cwd = dict(env or {}), cwd
-        self._session: Session | None = None
-        self._round_trip: float | None = None
+
+    def obstacle(self, problem: Any) -> str | None:
+        return exchanges.get(self.exchange).obstacle(problem)
+
+    def hand_over(self, problem: Any) -> HandedOver:
+        return HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
+
+
+class ServedSolver(ProgramSolver):
+    """A solver in a program that is started once. The options of a solve are sent as they are, by name.
+
+    ServedSolver(spec, command, exchange="npy-dir", matrices="as-is", env=None, cwd=None)
+    """
+
+    _session: Session | None = None
+    _round_trip: float | None = None
 
     @property
     def round_trip(self) -> float | None:
         """Median seconds of the empty requests at the start of the session; None before it."""
         return self._round_trip
 
-    def obstacle(self, problem: Any) -> str | None:
-        return exchanges.get(self.exchange).obstacle(problem)
-
     def hand_over(self, problem: Any) -> HandedOver:
-        handed = HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
+        handed = super().hand_over(problem)
         self._load(self._running(), handed)
         return handed
 
