@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from pathlib import Path
+from typing import Any
 
 import click
 
@@ -27,7 +27,7 @@ AUTO = "auto"
 
 
 @click.command(cls=Command)
-@click.argument("problem")
+@click.argument("address", metavar="PROBLEM")
 @click.option(
     "-s",
     "--solver",
@@ -57,23 +57,7 @@ AUTO = "auto"
 @json_option
 @format_option
 @force_option
-def command(
-    problem: str,
-    solver: str,
-    via: tuple[str, ...],
-    routes: str,
-    start: str,
-    tolerance: float,
-    timeout: float,
-    memory: int,
-    threads: int,
-    output: Path | None,
-    every: bool,
-    verbose: bool,
-    as_json: bool,
-    file_format: str | None,
-    force: bool,
-) -> None:
+def command(timeout: float, memory: int, threads: int, as_json: bool, file_format: str | None, **given: Any) -> None:
     """Solve one problem, and print the answer and what it is worth.
 
     The answer is measured on the problem itself, whatever the solver says of it. Of a problem with contacts a table
@@ -83,7 +67,7 @@ def command(
     The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... &&
     convert ... --lift` lifts no wrong answer. The answer is written in either case.
     """
-    if every and (solver != AUTO or via or start != "cold"):
+    if given["every"] and (given["solver"] != AUTO or given["via"] or given["start"] != "cold"):
         raise click.UsageError("--all looks at every complementary basis: leave out -s, --via and --start")
     for variable in THREAD_VARIABLES:  # before what reads them is imported
         os.environ[variable] = str(threads)
@@ -91,19 +75,16 @@ def command(
         from cpbench.bench.planning.plan import Limits
         from cpbench.cli.solve_process import SolveRequest, own, solve_alone, solve_apart
 
-        ours = own(solver)
-    limits = Limits(timeout, memory, threads, repeats=1)
-    asked = SolveRequest(
-        problem, solver, every, via, routes, start, tolerance, limits, file_format, output, force, verbose
-    )
+        ours = own(given["solver"])
+    asked = SolveRequest(**given, limits=Limits(timeout, memory, threads, repeats=1), format=file_format)
     told = (solve_alone if ours else solve_apart)(asked, _say_compiling)
     for line in [json.dumps(told["record"])] if as_json else told["lines"]:
         click.echo(line)
-    if output is not None and not told["written"]:
+    if asked.output is not None and not told["written"]:
         click.echo("no answer to write", err=True)
         sys.exit(1)
-    if output is not None:
-        print_lines([f"answer: {output}"], err=as_json)
+    if asked.output is not None:
+        print_lines([f"answer: {asked.output}"], err=as_json)
     if not told["good"]:
         sys.exit(1)
 
