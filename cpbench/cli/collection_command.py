@@ -107,7 +107,7 @@ def list_collections() -> None:
     """
     entries = catalogue()
     print_lines([first_line(entries), "", *table(formulation_rows(entries)), ""])
-    print_lines([*total_lines(entries), "", "Collections of others (cpbench collection status, add):"])
+    print_lines([*total_lines(entries), "", "Collections of others (cpbench collection add, verify):"])
     print_lines(table(_rows()))
 
 
@@ -124,17 +124,6 @@ def _rows() -> Iterator[tuple[str, ...]]:
             known.licence,
             known.source,
         )
-
-
-@command.command("status", cls=Command)
-def status() -> None:
-    """Show which collections have been added, and the commands that add the others."""
-    for known in map(manifests.manifest, manifests.names()):
-        checked = added.check(known, content=False)
-        if checked is None:
-            print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
-        else:
-            print_lines([f"{known.name}: {_extent(checked)}, in {checked.folder}", *_lacking(checked)])
 
 
 @command.command("add", cls=Command)
@@ -162,20 +151,21 @@ def add(name: str, source: Path, force: bool) -> None:
 @command.command("verify", cls=Command)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def verify(names: tuple[str, ...]) -> None:
-    """Check the files of collections against their hashes, of all that have been added where none is named.
+    """Check the files of collections against their hashes, and show which have been added and how to add the others.
 
-    The exit code is 1 where files are missing or have another content.
+    The exit code is 1 where files are missing or have another content, or a named collection has not been added.
     """
     wrong = False
     for known in map(manifests.manifest, names or manifests.names()):
         checked = added.check(known)
-        if checked is not None:
-            wrong |= bool(checked.changed or checked.missing)
-            as_listed = sum(file in known.files and file not in checked.changed for file in checked.files)
-            print_lines([f"{known.name}: {_extent(checked)}, {as_listed} as the manifest has them", *_lacking(checked)])
-        elif names:
-            wrong = True
+        if checked is None:
+            wrong |= bool(names)
             print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
+        else:
+            wrong |= bool(checked.changed or checked.missing)
+            whole = sum(file in known.files and file not in checked.changed for file in checked.files)
+            line = f"{known.name}: {_extent(checked)}, {whole} as the manifest has them, in {checked.folder}"
+            print_lines([line, *_lacking(checked)])
     sys.exit(int(wrong))
 
 

@@ -109,17 +109,14 @@ def add(known: Manifest, source: Path, *, force: bool = False) -> Found:
     return Found(target, tuple(sorted(sums)), missing, size=sum((target / name).stat().st_size for name in sums))
 
 
-def check(known: Manifest, *, content: bool = True) -> Found | None:
-    """Compare the copy of a set with its manifest, and what has no hash there with `SHA256SUMS`; None without a copy.
-
-    Without `content` only the presence of the files is checked.
-    """
+def check(known: Manifest) -> Found | None:
+    """Compare the copy of a set with its manifest, and what has no hash there with `SHA256SUMS`; None without one."""
     folder = home() / known.name
     if not folder.is_dir():
         return None
     wanted = _recorded(folder) | {name: listed.sha256 for name, listed in known.files.items()}
     there = [name for name in sorted(wanted) if (folder / name).is_file()]
-    changed = [name for name in (there if content else ()) if _hashed(folder / name) != wanted[name]]
+    changed = [name for name in there if _hashed(folder / name) != wanted[name]]
     missing = tuple(name for name in wanted if name not in there)
     size = sum((folder / name).stat().st_size for name in there)
     return Found(folder, tuple(there), missing, tuple(changed), size)
