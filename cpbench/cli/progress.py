@@ -59,9 +59,9 @@ class Steps:
         self.stop()
 
     def say(self, step: str) -> None:
-        """Note a step, which begins."""
+        """Note a step, which begins; '' ends the one before, which has to be over where lines are printed."""
         self.stop()
-        if self._shown:
+        if self._shown and step:
             self._status = _spinner(step)
             self._status.start()
 

@@ -63,7 +63,7 @@ def require_places(plan: RunPlan, assembly: Assembly) -> None:
 
 def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str], None]) -> None:
     """Print the answer and the last lines, and write the report; exits with 1 where the run failed. `step` notes what
-    is being done."""
+    is being done, '' where lines follow."""
     from cpbench.analysis.run_table import RunTable
     from cpbench.api.concluding import conclude
     from cpbench.cli.answer import print_answer
@@ -76,6 +76,7 @@ def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str]
     run = RunTable.of(store.table(), store.meta())
     conflicts = conclude(store, run.rows, lambda line: print_lines([line], err=True))
     run = replace(run, meta=store.meta())  # with the contradictions and the collection
+    step("")
     print_answer(run)
     print_lines(["", *_last_lines(plan, counts, run.stored)])
     if counts and plan.report_folder is not None:
@@ -83,6 +84,7 @@ def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str]
 
         step("writing the report")
         files, _ = write_report(store, plan.report_folder, _title(plan), run)
+        step("")
         print_lines(f"report: {path}" for path in files)
     failures = list(_failures(plan, store, assembly, conflicts))
     print_lines((f"cpbench: {line}" for line in failures), err=True)
