@@ -15,6 +15,7 @@ os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM
 
 import argparse
 import math
+import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -28,8 +29,10 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP
 from cpbench.solvers import Budget, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "unit"))
+import planted
 
 NATIVE = ("dual-active-set", "proximal-active-set", "interior-point-qp", "augmented-lagrangian")
 BACKENDS = ("piqp", "proxqp", "quadprog", "daqp", "osqp", "clarabel", "highs", "pyqpmad", "qpalm", "cvxopt")

@@ -7,8 +7,11 @@ No check knows a plugin by name: what a plugin cannot do stands in its own spec.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import Any
+from unittest import SkipTest
 
 from cpbench.testing.cases import Case, cases
 
@@ -24,4 +27,25 @@ def checks(kind: str) -> dict[str, Check]:
     return {name: getattr(module, name) for name in sorted(vars(module)) if name.startswith("check_")}
 
 
-__all__ = ["Case", "Check", "cases", "checks"]
+@contextmanager
+def refused(cause: type[Exception], pattern: str, where: str) -> Generator[None]:
+    """Require that the block raises `cause` with a message that matches `pattern`; `where` says what was asked.
+
+    Another exception passes through: a plugin that crashes is not one that refuses.
+    """
+    try:
+        yield
+    except cause as refusal:
+        if re.search(pattern, str(refusal)) is None:
+            raise AssertionError(f"{where}: refused, but '{refusal}' does not say '{pattern}'") from refusal
+        return
+    raise AssertionError(f"{where}: expected {cause.__name__}, nothing was raised")
+
+
+def only_for(does: bool, whom: str) -> None:
+    """Skip, so that the table of a run tells a check that ran from one that had nothing to say."""
+    if not does:
+        raise SkipTest(f"does not apply: only for {whom}")
+
+
+__all__ = ["Case", "Check", "cases", "checks", "only_for", "refused"]

@@ -17,8 +17,7 @@ from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem, formulations
 from cpbench.foundation import matrices
-from cpbench.testing.cases import Case
-from cpbench.testing.expect import refused
+from cpbench.testing import Case, refused
 
 LIFTED = 1e-7
 """Error of a lifted solution: the conversion may lose digits, not more than half of them."""

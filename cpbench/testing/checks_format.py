@@ -15,8 +15,7 @@ from cpbench.errors import FormatError
 from cpbench.formulations import Info
 from cpbench.foundation import matrices
 from cpbench.storage import Format
-from cpbench.testing.cases import Case
-from cpbench.testing.expect import only_for, refused
+from cpbench.testing import Case, only_for, refused
 
 INFO = Info(
     title="Würfel",

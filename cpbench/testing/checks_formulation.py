@@ -11,8 +11,8 @@ from cpbench.errors import PointError, ProblemError
 from cpbench.formulations import Problem
 from cpbench.formulations.expressions import Builder
 from cpbench.foundation import matrices
-from cpbench.testing.cases import Case, renumbered
-from cpbench.testing.expect import refused
+from cpbench.testing import Case, refused
+from cpbench.testing.equivalents import renumbered
 from cpbench.verification import judge
 
 EXACT = 1e-9

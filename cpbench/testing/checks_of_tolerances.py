@@ -13,9 +13,8 @@ from cpbench.formulations import Kind
 from cpbench.solvers.base import Budget, Claim, Solver
 from cpbench.solvers.external.session import ProgramError
 from cpbench.solvers.stopping import Stopping
-from cpbench.testing.cases import Case
-from cpbench.testing.expect import only_for
-from cpbench.testing.units import in_unit
+from cpbench.testing import Case, only_for
+from cpbench.testing.equivalents import in_unit
 from cpbench.verification import judge
 
 ASKED = (1e-2, 1e-4, 1e-6, 1e-8)

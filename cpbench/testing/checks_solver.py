@@ -19,14 +19,14 @@ from cpbench.foundation import matrices
 from cpbench.proofs import certified_infeasible
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait, parse_options
 from cpbench.solvers.external.session import ProgramError
-from cpbench.testing.cases import Case, infeasible
+from cpbench.testing import Case, only_for, refused
+from cpbench.testing.cases import infeasible
 from cpbench.testing.checks_of_tolerances import (
     check_claims_hold_in_other_units as check_claims_hold_in_other_units,
 )
 from cpbench.testing.checks_of_tolerances import (
     check_tolerances_are_no_looser as check_tolerances_are_no_looser,
 )
-from cpbench.testing.expect import only_for, refused
 from cpbench.verification import judge
 
 TOLERANCE = 1e-6

@@ -21,8 +21,7 @@ from cpbench.registry import Registry, load_plugin
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external.declared import declare_file
 from cpbench.storage import formats
-from cpbench.testing import Case, cases, checks
-from cpbench.testing.expect import only_for
+from cpbench.testing import Case, cases, checks, only_for
 
 REGISTRIES: dict[str, Registry[Any]] = {
     "formulation": formulations,

@@ -125,11 +125,10 @@ def _of_tables(node: str, known: Sequence[NodeTable[Any]]) -> Iterator[NodeTrait
 
 def _of_testing(node: str) -> Iterator[NodeTrait]:
     """Yield what the conformance checks have of it."""
-    from cpbench.testing.cases import SYMBOLS
-    from cpbench.testing.makers import PLANTED
-    from cpbench.testing.units import CHANGES
+    from cpbench.testing.cases import is_shipped
+    from cpbench.testing.equivalents import CHANGES, SYMBOLS
 
-    count = len(PLANTED.get(node, ()))
-    state = PRESENT if count else DERIVED
-    yield NodeTrait("planted cases", state, counted(count, "maker") if count else "the problems of its generators")
+    given = is_shipped(node)
+    what = "a file of cases" if given else "the problems of its generators"
+    yield NodeTrait("planted cases", PRESENT if given else DERIVED, what)
     yield from _of_tables(node, (SYMBOLS, CHANGES))

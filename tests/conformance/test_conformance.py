@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from drawn_cases import draw
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +23,6 @@ from cpbench.graph import edges
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.storage import formats
 from cpbench.testing import Case, cases, checks
-from cpbench.testing.cases import draw
 from cpbench.testing.conduct import planted
 from cpbench.verification import judge
 

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import planted
+import planted_conic
+import planted_contact
+import planted_nonlinear as nonlinear
 from inclusions import pairs_of
 from pairs import groups
 
 from cpbench.formulations.expressions import Map
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing import planted, planted_conic, planted_contact
-from cpbench.testing import planted_nonlinear as nonlinear
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 RNG = np.random.Generator

@@ -10,12 +10,12 @@ import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import planted_nonlinear
 from answers import RNG, Answer, answers, vector
 from side_by_side import together
 
 from cpbench.conversions import base as edges
 from cpbench.formulations import LCP, Kind, LCPPoint
-from cpbench.testing import planted_nonlinear
 
 NODES = ("lcp", "mlcp", "relay", "avi", "ncp", "micp", "vi", "ge", "cp", "soclcp")
 """Formulations whose answers are measured pair by pair."""

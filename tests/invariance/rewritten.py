@@ -17,7 +17,8 @@ from judges import Judge
 
 from cpbench.conversions import base as edges
 from cpbench.formulations import Kind
-from cpbench.testing.cases import Case, renumbered
+from cpbench.testing.cases import Case
+from cpbench.testing.equivalents import renumbered
 
 Rewrite = Callable[[Answer, RNG, str], Iterator[Answer]]
 

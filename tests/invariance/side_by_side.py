@@ -10,13 +10,13 @@ import numpy as np
 import rescaled
 import scipy.linalg as sl
 from answers import RNG, VARIANTS, Answer
+from planted_nonlinear import graph
 
 from cpbench.formulations import formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions import Map
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing.planted_nonlinear import graph
 
 
 def together(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[Any, Any]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 from answers import missed_by
 from inclusions import pairs_of
@@ -14,7 +15,6 @@ from inclusions import pairs_of
 from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import matrices
-from cpbench.testing import planted
 from cpbench.verification import judge
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planted_nonlinear import graph
 
 from cpbench.formulations import (
     LCP,
@@ -30,7 +31,6 @@ from cpbench.formulations import (
     Relay,
     VIPoint,
 )
-from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import planted_contact
 import pytest
 import scipy.sparse as sp
 from claims import compiled_error
@@ -13,7 +14,6 @@ from test_page import SHOWN, of_contact
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.testing import planted_contact
 from cpbench.verification import judge
 from cpbench_solvers.contact.parts import ContactPart, connected_parts
 from cpbench_solvers.contact.sweeps import block_rows

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 from claims import assert_claim
 from tiers import some_by_day
@@ -14,7 +15,6 @@ from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.contact.members import PlainMember
 from cpbench_solvers.contact.policy import SweepProgress, next_method

@@ -6,12 +6,12 @@ import dataclasses
 import itertools
 
 import numpy as np
+import planted_conic
 import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted_conic
 from cpbench.verification import judge
 from cpbench_solvers.avi.polyhedron_vertex import ScaledPolyhedron
 

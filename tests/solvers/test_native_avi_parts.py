@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import planted
+import planted_conic
 import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import AVI, LCP, MLCP, AVIPoint, LCPPoint, MLCPPoint, Relay
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted, planted_conic
 from cpbench.verification import judge
 from cpbench_solvers.avi.claims import error_of, verdict_error
 from cpbench_solvers.lcp import claims as lcp_claims

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import planted_conic
 import pytest
 from tiers import some_by_day
 
@@ -11,7 +12,6 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.graph import arrive, lift
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted_conic
 from cpbench.verification import judge
 from cpbench_solvers.cone.lorentz_scaling import GroupScaling, LorentzCones
 from cpbench_solvers.cone.scaled_form import conic_form

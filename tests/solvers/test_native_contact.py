@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim, compiled_error
@@ -15,7 +16,6 @@ from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.contact import sweeps as contact_sweeps
 

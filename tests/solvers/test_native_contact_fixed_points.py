@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 from claims import assert_claim
 from tiers import some_by_day
@@ -14,7 +15,6 @@ from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.contact.frozen_law import FrozenProblem, block_csr
 from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps

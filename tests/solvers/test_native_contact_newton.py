@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim
@@ -13,7 +14,6 @@ from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.testing import planted
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows, scaled_contacts

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted_contact
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim
@@ -16,7 +17,6 @@ from cpbench.formulations import FCPoint, GFCPoint
 from cpbench.formulations.global_contact import GlobalFrictionContact
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted_contact
 from cpbench.verification import judge
 from cpbench_solvers.contact.admm_global import Dynamics
 from cpbench_solvers.contact.auto_global import condensed as condense

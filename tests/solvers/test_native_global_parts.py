@@ -7,13 +7,13 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import planted_contact
 import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import GFCPoint
 from cpbench.formulations.global_contact import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted_contact
 from cpbench.verification import judge
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.global_parts import moving_parts, restricted

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim
@@ -14,7 +15,6 @@ from cpbench import storage
 from cpbench.formulations import LCP, MLCP, LCPPoint
 from cpbench.foundation.matrices import dense as dense_array
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 from claims import assert_claim, assert_own_measure
 
@@ -12,7 +13,6 @@ from cpbench import storage
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_problems.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 

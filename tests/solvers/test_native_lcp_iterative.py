@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim
@@ -14,7 +15,6 @@ from cpbench import storage
 from cpbench.formulations import LCP, QP
 from cpbench.formulations.ncp_functions import minimum
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.lcp.claims import scale
 from cpbench_solvers.lcp.mprgp import MPRGPOptions

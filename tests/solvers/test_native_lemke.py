@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import planted
 import pytest
 
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.lcp import lemke, lemke_run
 from cpbench_solvers.lcp.first_basis import dense_lcp

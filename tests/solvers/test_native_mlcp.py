@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 
@@ -16,7 +17,6 @@ from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.foundation import matrices
 from cpbench.proofs import certified_infeasible
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import judge
 from cpbench_solvers.lcp import claims as lcp_claims

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import LCP
 from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_problems.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench_solvers.lcp.changing_basis import ChangingBasis

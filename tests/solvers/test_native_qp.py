@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 
@@ -15,7 +16,6 @@ from cpbench.formulations import QP
 from cpbench.formulations.programs import QPPoint
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.qp import dual_active_set
 from cpbench_solvers.qp.claims import ErrorMeasure, infeasibility, unboundedness

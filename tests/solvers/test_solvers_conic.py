@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import planted_conic
 import pytest
 from scipy.optimize import lsq_linear
 from tiers import some_by_day
@@ -13,7 +14,6 @@ from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import dense
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
-from cpbench.testing import planted_conic
 from cpbench.verification import judge
 from cpbench_solvers.nonlinear.natural_map import equilibrate
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import planted
+import planted_contact
 import pytest
 import scipy.sparse as sp
 from scipy.optimize import brentq
@@ -13,7 +15,6 @@ from tiers import some_by_day
 from cpbench.formulations import FCPoint, FrictionContact, RollingFrictionContact
 from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge
 
 SOLVER = "nsgs-rfc"

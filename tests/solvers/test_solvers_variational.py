@@ -4,7 +4,9 @@ on planted ones, judged by residuals; generalized Jacobians against differences;
 from __future__ import annotations
 
 import numpy as np
+import planted_nonlinear as plant
 import pytest
+from planted_nonlinear import graph
 
 from cpbench.formulations import QVI, VI, Equation, VIPoint
 from cpbench.formulations.conic import cone_fields
@@ -14,8 +16,6 @@ from cpbench.generators import generators
 from cpbench.graph import arrive, lift
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import cases
-from cpbench.testing import planted_nonlinear as plant
-from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 from cpbench_solvers.nonlinear.natural_newton import VIConditions
 

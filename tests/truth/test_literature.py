@@ -5,6 +5,7 @@ from __future__ import annotations
 import complementary_bases
 import numpy as np
 import pair_misses
+import planted
 import pytest
 import qp_references
 from measure import Measured, measured
@@ -14,7 +15,6 @@ from qp_wrong import wrong_answers, wrongness
 
 from cpbench.formulations import LCP, QP
 from cpbench.formulations.programs import QPPoint
-from cpbench.testing import planted
 from cpbench.verification import judge
 
 # min ½(z₁² + z₂²) − 3z₁ with z₁ + z₂ ≤ 1, z ≥ 0 has the solution (1, 0) with λ = 2 and ν₂ = 2, f = −2.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 
@@ -13,7 +14,6 @@ from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.formulations.conic import ConeQP
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 
 ADMM, PGS, MUJOCO = (solvers.get(name) for name in ("pinocchio-admm", "pinocchio-pgs", "mujoco-soft"))

@@ -10,13 +10,13 @@ import math
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from tiers import by_night, some_by_day
 
 from cpbench.formulations import LCP, MLCP
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_adapters import gams_workspace
 from cpbench_adapters.scaled_mcp import scaled_mcp

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planted_nonlinear import graph
 from tiers import some_by_day
 
 from cpbench.formulations import NLP, Equation, EquationPoint, MiCP
@@ -12,7 +13,6 @@ from cpbench.formulations.expressions.recording import MapRecorder, maximum
 from cpbench.generators import generators
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import cases
-from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 from cpbench_adapters import gams_model
 

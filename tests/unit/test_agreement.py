@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import planted
+import planted_conic
+import planted_contact
 import pytest
 
 from cpbench import graph
 from cpbench.conversions.base import make
 from cpbench.formulations import FrictionContact, GlobalFrictionContact, QPPoint
 from cpbench.solvers.base import Budget, solvers
-from cpbench.testing import planted, planted_conic, planted_contact
 
 SEEDS = range(4)
 

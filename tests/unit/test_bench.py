@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 from tiers import some_by_day
 
@@ -31,7 +32,6 @@ from cpbench.errors import StoreError, UnknownName
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
 from cpbench.foundation import frames
 from cpbench.foundation.factorization import Factorization
-from cpbench.testing import planted
 
 LIMITS = plan.Limits(seconds=20.0, repeats=1)
 

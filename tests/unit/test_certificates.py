@@ -7,6 +7,7 @@ import zlib
 from fractions import Fraction
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 
@@ -15,7 +16,6 @@ from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.proofs import certified_infeasible, holds, packed, prove, unpacked
 from cpbench.proofs.certificates import Infeasible, Unbounded
-from cpbench.testing import planted
 from cpbench.testing.cases import infeasible
 from cpbench.verification import Status, no_answer, status
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 from tiers import by_night
 
@@ -15,7 +16,6 @@ from cpbench.conversions import Conversion, conversions, make
 from cpbench.conversions.base import Size
 from cpbench.formulations import LCP, MLCP, FrictionContact, Kind, LCPPoint, MLCPPoint
 from cpbench.graph import checking
-from cpbench.testing import planted
 from cpbench.testing.cases import cases
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+import planted
 import pytest
 from tiers import some_by_day
 
@@ -14,7 +15,6 @@ from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
 from cpbench.formulations import FrictionContact, Point, Problem
 from cpbench.solvers import Budget, Solver, solvers
-from cpbench.testing import planted
 
 REACHED = {"micp": ("micp",), "cp": ("cp", "vi"), "vi": ("vi",), "qvi": ("qvi",)}
 """Nodes whose solvers answer for a node."""

@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
+import planted
+
 from cpbench import graph, storage
 from cpbench.conversions import elimination, facets
 from cpbench.conversions.base import make
@@ -21,7 +23,6 @@ from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.factorization import Factorization
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.testing import planted
 
 CLOSE = 1e-9
 FACET_EDGES = ("fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer")

@@ -6,6 +6,8 @@ import itertools
 
 import casadi as ca
 import numpy as np
+import planted
+import planted_contact
 import pytest
 
 from cpbench import graph
@@ -15,7 +17,6 @@ from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCP
 from cpbench.formulations.expressions import Map
 from cpbench.foundation import cones
 from cpbench.solvers import Budget, solvers
-from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge
 
 CLOSE = 1e-9

@@ -12,6 +12,8 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
+import planted
+
 from cpbench import graph
 from cpbench.conversions.base import Conversion, conversions, find_via, make
 from cpbench.errors import NotApplicable, UnknownName
@@ -22,7 +24,6 @@ from cpbench.formulations import (
 from cpbench.formulations.expressions import Builder
 from cpbench.foundation import matrices
 from cpbench.graph.routes import nodes_of_maps
-from cpbench.testing import planted
 from cpbench.testing.cases import Case, cases
 
 NAMES = conversions.names()

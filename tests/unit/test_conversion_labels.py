@@ -7,6 +7,7 @@ import itertools
 from fractions import Fraction
 
 import numpy as np
+import planted_contact
 import pytest
 
 from cpbench import graph, verification
@@ -32,7 +33,6 @@ from cpbench.formulations import (
 )
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing import planted_contact
 
 EPS = float(np.finfo(float).eps)
 CLOSE = 1e-9

@@ -12,13 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
+import planted
+
 from cpbench import graph, storage
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
 from cpbench.formulations import LCP, MLCP, QP, AVIPoint, Kind, LCPPoint, MLCPPoint, Relay
 from cpbench.foundation import matrices
 from cpbench.solvers.base import Claim, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 
 CLOSE = 1e-9

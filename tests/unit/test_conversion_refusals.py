@@ -5,6 +5,9 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import planted
+import planted_conic
+import planted_contact
 import pytest
 
 from cpbench import graph
@@ -13,7 +16,6 @@ from cpbench.errors import NotApplicable
 from cpbench.formulations import AVI, QP, Kind, MixedFrictionContact, Relay, RollingFrictionContact
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, solvers
-from cpbench.testing import planted, planted_conic, planted_contact
 
 
 def rng(seed: int = 0) -> np.random.Generator:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
@@ -18,7 +19,6 @@ from cpbench.conversions.congruence import Congruence, index_dtype
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, LCPPoint, Relay
 from cpbench.foundation import kernel_cache, matrices
-from cpbench.testing import planted
 from cpbench.testing.cases import cases
 
 quick = settings(max_examples=60, deadline=None, derandomize=True)

@@ -5,7 +5,11 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import planted
+import planted_conic
+import planted_nonlinear
 import pytest
+from planted_nonlinear import graph as formula
 from tiers import some_by_day
 
 from cpbench import graph
@@ -29,8 +33,6 @@ from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.generators import generators
 from cpbench.graph.routes import nodes_of_maps
 from cpbench.solvers.base import solvers
-from cpbench.testing import planted, planted_conic, planted_nonlinear
-from cpbench.testing.planted_nonlinear import graph as formula
 
 INF = np.inf
 PROGRAMS = {i.name: i for c in generators if c.name.startswith("hock-schittkowski") for i in c.instances()}

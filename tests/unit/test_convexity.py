@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planted_nonlinear import graph as formula
 
 from cpbench.conversions import make
 from cpbench.formulations import NLP, VI, Kind, NLPPoint
 from cpbench.formulations.programs import Convexity
-from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import Status, judge, status
 
 INF = np.inf

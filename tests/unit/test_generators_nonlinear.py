@@ -11,6 +11,7 @@ import generated
 import mpmath
 import numpy as np
 import pytest
+from planted_nonlinear import graph
 from scipy.optimize import linprog, minimize, root
 from tiers import some_by_day
 
@@ -21,7 +22,6 @@ from cpbench.formulations.expressions.recording import maximum
 from cpbench.foundation import matrices
 from cpbench.generators import Instance, generators
 from cpbench.testing.checks_problem import KNOWN, _marks
-from cpbench.testing.planted_nonlinear import graph
 from cpbench_problems.generators import membranes, oligopoly, portable, traffic, vi_sets, walras
 from cpbench_problems.generators import ncp_classics as classics
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import planted
 import pytest
 
 from cpbench import graph, storage
@@ -21,7 +22,6 @@ from cpbench.bench.slot import Slot
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
-from cpbench.testing import planted
 from cpbench.verification import judge
 
 LEEWAY = 100.0

@@ -19,13 +19,13 @@ from hypothesis import strategies as st
 from tiers import by_night, some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
+from drawn_cases import draw
 from mof_schema import violations
 
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import NCP, NLP, QP, QVI, MiCP, formulations
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.testing.cases import draw
 from cpbench_problems.formats import mof_json, to_mof
 from cpbench_problems.formats.model_problem import complementarity, program
 from cpbench_problems.formats.mof_functions import Functions

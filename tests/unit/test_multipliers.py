@@ -6,9 +6,13 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import planted
+import planted_conic
+import planted_nonlinear
 import pytest
 import scipy.sparse as sp
 from command_line import cpbench as command
+from planted_nonlinear import graph as formula
 
 import cpbench
 from cpbench import storage
@@ -20,8 +24,6 @@ from cpbench.formulations import NLP, QP, VI, ConeQP, Point, Problem
 from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.primal import Primal, primal_of
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing import planted, planted_conic, planted_nonlinear
-from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import judge
 
 LINEAR = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.ZERO, 1, 2), (Cone.FREE, 1, 1))

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from damage import read_or_refused, rearranged
+from drawn_cases import draw
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiers import by_night, some_by_day
@@ -21,7 +22,6 @@ from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import NCP, NLP, QP, MiCP
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.testing.cases import draw
 from cpbench_problems.formats.nl_operators import UNWRITTEN
 
 FORMATS = ("nl", "nl-binary")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import planted
+import planted_contact
 import pytest
 from command_line import cpbench as command
 
@@ -24,7 +26,6 @@ from cpbench.formulations import (
 )
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge
 
 N, T = [0, 3], [1, 2, 4, 5]

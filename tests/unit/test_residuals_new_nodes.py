@@ -11,6 +11,8 @@ import math
 from typing import Any
 
 import numpy as np
+import planted_conic
+import planted_contact
 import pytest
 
 from cpbench.formulations import (
@@ -35,7 +37,7 @@ from cpbench.formulations import (
 )
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing import cases, corners_contact, planted_conic, planted_contact
+from cpbench.testing import cases
 
 E = np.eye
 
@@ -333,8 +335,7 @@ def test_speed_hides_a_reaction_that_reaction_error_shows() -> None:
 
 def test_joints_given_twice_have_the_scale_of_joints_given_once() -> None:
     """K is singular then; the free motion, which scales the contact errors, is the same."""
-    made = corners_contact.gfc()
-    twice, _ = made["joints-twice"]
+    twice = next(c.problem for c in cases("gfc") if c.name == "joints-twice")
     once = dataclasses.replace(twice, G=twice.G[:, :2], b=twice.b[:2])
     assert twice.saddle.singular
     assert not once.saddle.singular

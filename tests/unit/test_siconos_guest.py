@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import planted
 import psutil
 import pytest
 from tiers import some_by_day
@@ -23,7 +24,6 @@ from cpbench.foundation import matrices
 from cpbench.solvers import solvers
 from cpbench.solvers.base import Budget, Claim
 from cpbench.storage import save
-from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_adapters import siconos
 from cpbench_adapters.siconos import SiconosSolver

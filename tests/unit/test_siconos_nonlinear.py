@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planted_nonlinear import graph
 from tiers import some_by_day
 
 from cpbench.conversions.base import conversions
@@ -24,7 +25,6 @@ from cpbench.solvers import solvers
 from cpbench.solvers.base import Budget, Claim
 from cpbench.solvers.external.session import ProgramError
 from cpbench.testing import cases
-from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 from cpbench_adapters import siconos, siconos_families
 from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR

@@ -8,6 +8,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import planted
 import pytest
 from tiers import some_by_day
 
@@ -26,7 +27,6 @@ from cpbench.conversions.base import Conversion
 from cpbench.conversions.local_contact import FCtoSOCLCP
 from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownName
 from cpbench.formulations import Contacts, FCPoint, FrictionContact, LCPPoint
-from cpbench.testing import planted
 from cpbench.testing.cases import cases
 
 COLD = StartPolicy()

@@ -11,6 +11,7 @@ from typing import Any
 
 import command_line
 import numpy as np
+import planted
 import pytest
 
 import cpbench as cp
@@ -22,9 +23,8 @@ from cpbench.formulations import NCP, MiCP, NCPPoint
 from cpbench.formulations.expressions.recording import recorded
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.solvers.stopping import Stopping, second_tolerance
-from cpbench.testing import planted
 from cpbench.testing.cases import Case
-from cpbench.testing.units import in_unit
+from cpbench.testing.equivalents import in_unit
 from cpbench.verification import judge
 from cpbench_adapters import siconos, siconos_families
 from cpbench_adapters.gams_mcp import path_settings

@@ -6,6 +6,8 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import planted
+import planted_contact
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -23,7 +25,6 @@ from cpbench.formulations import (
     RollingFrictionContact,
 )
 from cpbench.formulations.transfer import BY_ID, BY_ORDER, BY_POSITION, transfer
-from cpbench.testing import planted, planted_contact
 
 NC = 9
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planted_nonlinear import graph
 
 from cpbench.formulations import LCP, QP, FrictionContact, MiCP, QPPoint
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.linear import LCPPoint
 from cpbench.formulations.nonlinear import MiCPPoint
-from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import Verdict, judge
 from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.sets import Sets

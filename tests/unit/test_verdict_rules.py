@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from planted_nonlinear import graph
 
 from cpbench.formulations import (
     AVI,
@@ -25,7 +26,6 @@ from cpbench.formulations import (
 )
 from cpbench.formulations.nonlinear import MiCPPoint
 from cpbench.formulations.programs import NLPPoint
-from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 
 

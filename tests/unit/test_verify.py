@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cpbench as command
+from planted_nonlinear import graph as formula
 
 import cpbench
 from cpbench import storage
 from cpbench.cli import verify_command
 from cpbench.formulations import LCP, NLP, QP, ConeQP, Problem
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import Verdict, error_text
 
 INF = np.inf

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import planted
+import planted_conic
+from planted import bodies_and_contacts, contact_state, friction, square
 
 from cpbench.formulations import (
     CP,
@@ -32,8 +35,6 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import maximum, recorded
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Vector
-from cpbench.testing import planted, planted_conic
-from cpbench.testing.planted import bodies_and_contacts, contact_state, friction, square
 
 LAWS = ("affine", "tanh", "exp", "cube")
 """φ of `monotone`, increasing in every component."""

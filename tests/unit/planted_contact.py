@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from planted import bodies_and_contacts, contact_state, friction, square, stored
 
 from cpbench.formulations import (
     AnisotropicFrictionContact,
@@ -14,7 +15,6 @@ from cpbench.formulations import (
     MixedFrictionContact,
     RollingFrictionContact,
 )
-from cpbench.testing.planted import bodies_and_contacts, contact_state, friction, square, stored
 
 
 def rolling_state(

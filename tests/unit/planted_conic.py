@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import planted
+from planted import square, stored
 
 from cpbench.formulations import AVI, SOCLCP, AVIPoint, ConeQP, ConeQPPoint, LCPPoint, Relay, SOCLCPPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.testing import planted
-from cpbench.testing.planted import square, stored
 
 
 def boxed(rng: np.random.Generator, n: int, *, finite: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
