@@ -5,6 +5,7 @@ Rows are counted from 0 or from 1, as those of q say, which has a line for each.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -18,10 +19,13 @@ from cpbench.formulations.linear import LCP
 from cpbench.foundation.text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench_problems.formats.text_lcp import vector_file
-from cpbench_problems.formats.text_lines import lines, words
 
 Key = TypeVar("Key")
 
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_WORD = re.compile(r"[^ \t\r\n\f]+")
+"""Python takes more characters for ends of lines and for blanks, among them some that stand in numbers (the blank that
+does not break), and would cut these."""
 _VECTOR = "q"
 _TAIL = 512
 """Bytes that hold the last line."""
@@ -70,8 +74,8 @@ class TextTriples(Format):
 
 def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the words of each line and its number, without comments."""
-    for number, line in enumerate(lines(text), 1):
-        if found := words(line.split("#")[0].replace(",", " ")):
+    for number, line in enumerate(_LINE_END.split(text), 1):
+        if found := _WORD.findall(line.split("#")[0].replace(",", " ")):
             yield number, found
 
 

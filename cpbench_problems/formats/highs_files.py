@@ -1,7 +1,7 @@
-"""Linear and quadratic programs in the LP format of CPLEX, by the reader of HiGHS, in a process that may die.
+"""Linear and quadratic programs in MPS, QPS and CPLEX's LP format, by the readers of HiGHS, in a process that may die.
 
 What HiGHS warns of is refused with its words, for it means that something was left out or changed: a constant in a
-row, a coefficient below 1e-12.
+row, a coefficient below 1e-12, a bound given twice. A maximum is the minimum of the opposite.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -21,19 +22,20 @@ from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.programs import QP
 from cpbench.foundation.text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench_problems.formats.mps import noted, program
+from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
+from cpbench_problems.formats import two_sided
 from cpbench_problems.formats.trial import require_survivor
 
+_NAME = re.compile(r"^NAME[ \t]+(\S+)", re.MULTILINE)
+"""The line of MPS."""
+_TRIANGLE = re.compile(r"\A.*?(\n(QUADOBJ|QSECTION)[^\n]*\n|\Z)|\n\S.*", re.DOTALL)
+"""What stands before and behind the lines of one triangle of Q."""
 _LARGEST = 1 << 28
 _SECONDS = 60.0
 
 
-class LP(Format):
-    """Needs highspy. Names of unknowns are kept."""
-
-    name = "lp"
-    summary = "LP format of CPLEX: linear and quadratic programs, without integers and sets, by HiGHS"
-    suffixes = (".lp",)
+class _HighsFormat(Format):
+    """Base of what HiGHS reads. Names of unknowns are kept."""
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return path.suffix.lower() in self.suffixes
@@ -45,12 +47,38 @@ class LP(Format):
         text = read_text(path)
         if len(text) > _LARGEST:
             raise FormatError(path, "", f"has {len(text) / 1e6:.0f} MB of text, at most {_LARGEST / 1e6:.0f} are read")
+        self._require_clear(path, text)
         with tempfile.TemporaryDirectory() as folder:
-            copy = Path(folder) / "problem.lp"  # HiGHS goes by the suffix
+            copy = Path(folder) / f"problem{self.suffixes[0]}"  # HiGHS goes by the suffix
             copy.write_text(text, encoding="utf-8")
             require_survivor(path, lambda: _extract(copy), "HiGHS", _SECONDS)
             model = _found(path, copy)
-        return _problem(path, model)
+        named = _NAME.search(text)  # HiGHS keeps none
+        return _problem(path, named[1] if named else stem(path), model)
+
+    def _require_clear(self, path: Path, text: str) -> None:
+        """Raise FormatError where programs read a text differently, and HiGHS says nothing."""
+
+
+class MPS(_HighsFormat):
+    """Rows of type N beside the objective have no effect and are left out."""
+
+    name = "mps"
+    summary = "MPS and QPS: linear and quadratic programs, without integers and sets, by HiGHS"
+    suffixes = (".mps", ".qps", ".sif")
+
+    def _require_clear(self, path: Path, text: str) -> None:
+        pairs = [frozenset(words.split()[:2]) for words in _TRIANGLE.sub("", text).splitlines()]
+        if len(pairs) > len(set(pairs)):
+            raise FormatError(path, "QUADOBJ", "has a product twice, or both triangles: expected one; QMATRIX has both")
+
+
+class LP(_HighsFormat):
+    """CPLEX's text, whose objective may have products in brackets."""
+
+    name = "lp"
+    summary = "LP format of CPLEX: linear and quadratic programs, without integers and sets, by HiGHS"
+    suffixes = (".lp",)
 
 
 def _extract(path: Path) -> None:
@@ -107,15 +135,30 @@ def _found(path: Path, copy: Path) -> dict[str, Any]:
     return model
 
 
-def _problem(path: Path, model: dict[str, Any]) -> Problem:
+def _problem(path: Path, name: str, model: dict[str, Any]) -> Problem:
     n, m = model["cost"].size, model["rows.lower"].size
+    if n == 0:
+        raise FormatError(path, "", "has no unknowns, expected a linear or quadratic program")
     A = _compressed(model, "A", (m, n), by_columns=model["by_columns"])
     L = _compressed(model, "Q", (n, n), by_columns=True) if model["Q.value"].size else sp.csr_array((n, n))
     sides, bounds = ((model[f"{part}.lower"], model[f"{part}.upper"]) for part in ("rows", "columns"))
-    Q, maximize = sp.csr_array(L + sp.tril(L, -1).T), model["maximize"]
-    parts = program(path, Q, model["cost"], A, sides, bounds, maximize=maximize)
-    info = Info(properties=noted(model["offset"], maximize, model["names"]))
-    return build(path, QP, "", name=stem(path), info=info, **parts)
+    lower, upper = map(two_sided.infinite, sides)
+    lb, ub = map(two_sided.infinite, bounds)
+    two_sided.require_order(path, lower, upper, "A")
+    sign, sense = (-1.0, {SENSE: "max"}) if model["maximize"] else (1.0, {})
+    properties = ({OFFSET: sign * model["offset"]} if model["offset"] else {}) | sense | {UNKNOWNS: model["names"]}
+    return build(
+        path,
+        QP,
+        "",
+        name=name,
+        info=Info(properties=properties),
+        Q=sign * sp.csr_array(L + sp.tril(L, -1).T),
+        p=sign * model["cost"],
+        lb=lb,
+        ub=ub,
+        **two_sided.rows(A, lower, upper),
+    )
 
 
 def _compressed(model: dict[str, Any], name: str, shape: tuple[int, int], *, by_columns: bool) -> sp.csr_array:
@@ -127,3 +170,4 @@ def _compressed(model: dict[str, Any], name: str, shape: tuple[int, int], *, by_
 
 
 formats.add("lp", LP())
+formats.add("mps", MPS())
