@@ -10,8 +10,8 @@ nlp    min f(z); rows g[1]... ≥ 0, rows h[1]... = 0; bounds of z
 In a quadratic function the coefficient of a pair i ≠ j is that of zᵢzⱼ, that of (i, i) is twice that of zᵢ², so that
 both are entries of Q; where rounding has made Qᵢⱼ and Qⱼᵢ different, there are two terms, with half of each. Nonlinear
 functions are read back bit for bit (`to_mof`); starts are the variables' `primal_start`; a parameter of a
-map is one more variable, in Parameter(value), of the name it has. The description
-begins with the formulation; a file without that becomes what its functions and bounds say (`mof_read`). Second-order
+map is one more variable, in Parameter(value), of the name it has. The description begins with the formulation
+(`cpbench lcp: ...`); a file without that becomes what its functions and bounds say (`model_problem`). Second-order
 cones, plain and rotated, are read and not written.
 """
 
@@ -22,14 +22,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-import cpbench_problems.formats.mof_nonlinear  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enters its models)
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.nonlinear import Equation
-from cpbench.storage.base import Format, formats, no_member
-from cpbench_problems.formats import mof_read
+from cpbench.storage.base import Format, formats, no_member, read_bytes, read_head
+from cpbench_problems.formats.model_problem import problem_of
 from cpbench_problems.formats.mof_linear import obstacle
+from cpbench_problems.formats.mof_model import read_model
+from cpbench_problems.formats.mof_nonlinear import CONVEX
 from cpbench_problems.formats.mof_write import MODELS, joined
 
 __all__ = ["MOF", "SUFFIX", "obstacle", "text"]
@@ -37,6 +38,10 @@ __all__ = ["MOF", "SUFFIX", "obstacle", "text"]
 SUFFIX = ".mof.json"
 LARGEST = 5_000_000
 """Coefficients or operations beyond which a file would take gigabytes; HDF5 takes matrices of any size."""
+MARK = "cpbench "
+"""Beginning of the description of a written file, the formulation after it."""
+LARGEST_FILE = 1 << 30
+"""Bytes of a file that is looked into; one of a third of that is refused for what it would take in memory."""
 
 
 class MOF(Format):
@@ -63,11 +68,26 @@ class MOF(Format):
 
     def load(self, path: Path, member: str) -> Problem:
         no_member(path, member)
-        return mof_read.read(path)
+        model = read_model(_content(path), path)
+        description = model.description
+        formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
+        node = formulation.removesuffix(CONVEX)
+        name = model.name or path.name.removesuffix(".json").removesuffix(".mof")
+        # names in a file of cpbench are those of the parts of its own formulations
+        names = () if description.startswith(MARK) else model.names
+        return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}", names=names)
 
     def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
         for part in text(problem):
             file.write(part.encode())
+
+
+def _content(path: Path) -> bytes:
+    read_head(path)
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        raise FormatError(path, "", f"has {size / 1e9:.1f} GB, at most {LARGEST_FILE / 1e9:.1f} are read")
+    return read_bytes(path)
 
 
 def text(problem: Problem) -> Iterator[str]:
@@ -77,7 +97,7 @@ def text(problem: Problem) -> Iterator[str]:
         raise FormatError(
             problem.name or problem.node, "", f"has {model.entries} coefficients or operations, too many: use .h5"
         )
-    described = f"{mof_read.MARK}{problem.node}{model.remark}: {', '.join(problem.relations)}"
+    described = f"{MARK}{problem.node}{model.remark}: {', '.join(problem.relations)}"
     named = f'"name": {json.dumps(problem.name)},\n' if problem.name else ""
     version = f'{{"major": 1, "minor": {model.minor}}}'
     yield f'{{"version": {version},\n{named}"description": {json.dumps(described)},\n"variables": ['

@@ -10,10 +10,11 @@ import numpy as np
 
 from cpbench.formulations.expressions import Map
 from cpbench_problems.formats import to_mof
-from cpbench_problems.formats.mof_read import CONVEX
 from cpbench_problems.formats.mof_write import FEASIBILITY, MODELS, Written, numbered
 
 MINOR = to_mof.VERSION["minor"]
+CONVEX = " convex"
+"""Behind the formulation of an nlp that was said to be convex."""
 
 
 @MODELS.of("nlp")

@@ -22,9 +22,9 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.storage.base import Format, formats, no_member, read_head, stem
 from cpbench_problems.formats.model_problem import problem_of
-from cpbench_problems.formats.nl_encoders import Binary, Encoder, Text
 from cpbench_problems.formats.nl_model import model_of
 from cpbench_problems.formats.nl_segments import read_segments
+from cpbench_problems.formats.nl_terms import Binary, Encoder, Text
 from cpbench_problems.formats.nl_write import CONVEX, WRITERS, encoded
 from cpbench_problems.formats.squares import squared
 

@@ -1,4 +1,4 @@
-"""Maps as expressions of .nl files, which read back as the same operations.
+"""Maps as expressions of .nl files, in text (g) and binary (b), which read back as the same operations.
 
 What is used once stands inside what uses it; what is used again, or would nest deeper than DEPTH, is a defined variable
 (V). Sums of more than two terms are one operator with a list.
@@ -6,6 +6,8 @@ What is used once stands inside what uses it; what is used again, or would nest 
 
 from __future__ import annotations
 
+import struct
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -14,12 +16,61 @@ import numpy as np
 from cpbench.formulations.expressions.map import Map
 from cpbench.formulations.expressions.operators import Operator
 from cpbench_problems.formats.mof_functions import Affine, Functions, Quadratic
-from cpbench_problems.formats.nl_encoders import Encoder
 from cpbench_problems.formats.nl_operators import CONDITIONS, IF, NOT_EQUAL, SUM, WRITTEN
 from cpbench_problems.formats.plain_rows import PlainRows
 
 DEPTH = 200
 """Operators inside each other: readers written with recursion take that."""
+
+
+class Encoder(ABC):
+    """One of the two ways of writing. letter : with which a file begins; arithmetic : in its header, 0 for text."""
+
+    letter: str
+    arithmetic: int
+
+    @abstractmethod
+    def key(self, key: str, *wholes: int) -> bytes:
+        """Return the beginning of a segment, an operator or a variable, with whole numbers."""
+
+    @abstractmethod
+    def entry(self, whole: int, number: float | None = None) -> bytes:
+        """Return an entry without a key."""
+
+    @abstractmethod
+    def numbers(self, key: str, *numbers: float) -> bytes:
+        """Return an entry with a key: a constant, or the interval of a row or a variable."""
+
+
+class Text(Encoder):
+    """Lines. Numbers are written so that they come back bit for bit."""
+
+    letter, arithmetic = "g", 0
+
+    def key(self, key: str, *wholes: int) -> bytes:
+        return f"{key}{' '.join(map(str, wholes))}\n".encode()
+
+    def entry(self, whole: int, number: float | None = None) -> bytes:
+        return f"{whole}\n".encode() if number is None else f"{whole} {number!r}\n".encode()
+
+    def numbers(self, key: str, *numbers: float) -> bytes:
+        between = "" if key == "n" else " "
+        return f"{key}{between}{' '.join(map(repr, numbers))}".rstrip().encode() + b"\n"
+
+
+class Binary(Encoder):
+    """Little-endian numbers."""
+
+    letter, arithmetic = "b", 1
+
+    def key(self, key: str, *wholes: int) -> bytes:
+        return key.encode() + struct.pack(f"<{len(wholes)}i", *wholes)
+
+    def entry(self, whole: int, number: float | None = None) -> bytes:
+        return struct.pack("<i", whole) if number is None else struct.pack("<id", whole, number)
+
+    def numbers(self, key: str, *numbers: float) -> bytes:
+        return key.encode() + struct.pack(f"<{len(numbers)}d", *numbers)
 
 
 @dataclass

@@ -21,9 +21,8 @@ from cpbench.registry import NodeTable
 from cpbench.storage.base import offset
 from cpbench_problems.formats.mof_functions import Affine
 from cpbench_problems.formats.mof_linear import kept, quadratic
-from cpbench_problems.formats.nl_encoders import Encoder
 from cpbench_problems.formats.nl_operators import SUM, UNWRITTEN, WRITTEN
-from cpbench_problems.formats.nl_terms import NLTerms
+from cpbench_problems.formats.nl_terms import Encoder, NLTerms
 
 CONVEX = " convex"
 

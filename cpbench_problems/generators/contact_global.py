@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench_problems.generators.contact_planted import MU, contact_states
+from cpbench_problems.generators.contact_planted import MU, between_pairs, contact_states
 
 GRAVITY = 9.8125
 """[m/s²], a multiple of 1/16, so that the reactions of a stack are exact."""
@@ -75,17 +75,11 @@ def _planted(name: str, bodies: int, nc: int) -> Instance:
     """Plant bodies with full 6×6 inertia blocks and contacts between random pairs in all states; v is planted too."""
     rng = generator(100 + bodies)
     n = 6 * bodies
-    blocks = [_inertia(rng) for _ in range(bodies)]
-    H = sp.lil_array((n, 3 * nc))
-    for c in range(nc):
-        first = c % bodies
-        second = (first + 1 + int(rng.integers(bodies - 1))) % bodies
-        for body, sign in ((first, 1.0), (second, -1.0)):
-            arm = dyadic(rng, (3, 3), -1, 1, 4)
-            H[6 * body : 6 * body + 6, 3 * c : 3 * c + 3] = sign * np.vstack([np.eye(3), arm])
+    blocks = [inertia(rng) for _ in range(bodies)]
+    H = between_pairs(rng, nc, bodies, 3)
     states = [("stick", "slide", "open")[int(rng.integers(3))] for _ in range(nc)]
     r, u = contact_states(rng, states, MU, 3)
-    M, H = sp.csr_array(sp.block_diag([sp.csr_array(block) for block in blocks])), sp.csr_array(H)
+    M = sp.csr_array(sp.block_diag([sp.csr_array(block) for block in blocks]))
     v = dyadic(rng, n, -2, 2)
     f, w = M @ v - H @ r.ravel(), u.ravel() - H.T @ v
     problem = GlobalFrictionContact(M=M, H=H, f=f, w=w, mu=np.full(nc, MU), name=name)
@@ -93,6 +87,7 @@ def _planted(name: str, bodies: int, nc: int) -> Instance:
     return Instance(problem, GFCPoint(v=v, r=r.ravel()), "planted", properties=properties)
 
 
-def _inertia(rng: np.random.Generator) -> Dense:
+def inertia(rng: np.random.Generator) -> Dense:
+    """Draw the inertia of a body."""
     G = dyadic(rng, (6, 6), -1, 1, 4)
     return G @ G.T + 4.0 * np.eye(6)

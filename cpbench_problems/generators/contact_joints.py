@@ -10,7 +10,7 @@ from cpbench.formulations.local_contact import FCMPoint, MixedFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench_problems.generators.contact_global import GRAVITY, STEP
+from cpbench_problems.generators.contact_global import GRAVITY, STEP, inertia
 from cpbench_problems.generators.contact_planted import MU, contact_states
 
 WEIGHT = GRAVITY * STEP
@@ -100,8 +100,7 @@ def _planted(name: str, bodies: int, nc: int, joints: int) -> Instance:
     n = 6 * bodies
     M = np.zeros((n, n))
     for b in range(bodies):
-        C = dyadic(rng, (6, 6), -1, 1, 4)
-        M[6 * b : 6 * b + 6, 6 * b : 6 * b + 6] = C @ C.T + 4.0 * np.eye(6)
+        M[6 * b : 6 * b + 6, 6 * b : 6 * b + 6] = inertia(rng)
     H, G = _between(rng, bodies, nc, 3), _between(rng, bodies, joints, 1)
     states = [("stick", "slide", "open")[int(rng.integers(3))] for _ in range(nc)]
     r, u = contact_states(rng, states, MU, 3)

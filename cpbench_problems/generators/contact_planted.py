@@ -137,9 +137,14 @@ def contact_states(rng: np.random.Generator, states: Sequence[str], mu: float, d
 
 
 def delassus(rng: np.random.Generator, nc: int, bodies: int, dimension: int, masses: int) -> Matrix:
-    """Return HᵀM⁻¹H in CSR: each contact joins two bodies of 6 (3 in the plane) freedoms, masses 2^-masses …
-    2^masses.
-    """
+    """Return HᵀM⁻¹H of contacts between pairs of bodies in CSR, masses 2^-masses … 2^masses."""
+    H = between_pairs(rng, nc, bodies, dimension)
+    inverse = np.repeat(2.0 ** rng.integers(-masses, masses + 1, bodies), H.shape[0] // bodies)
+    return sp.csr_array(H.T @ (sp.diags_array(inverse) @ H))
+
+
+def between_pairs(rng: np.random.Generator, nc: int, bodies: int, dimension: int) -> sp.csr_array:
+    """Return H of contacts that join two bodies of 6 (3 in the plane) freedoms each."""
     freedoms = 6 if dimension == 3 else 3
     H = sp.lil_array((freedoms * bodies, dimension * nc))
     for c in range(nc):
@@ -147,12 +152,9 @@ def delassus(rng: np.random.Generator, nc: int, bodies: int, dimension: int, mas
         first = c % bodies
         second = (first + 1 + int(rng.integers(bodies - 1))) % bodies
         for body, sign in ((first, 1.0), (second, -1.0)):
-            rows = slice(freedoms * body, freedoms * (body + 1))
             arm = dyadic(rng, (freedoms - dimension, dimension), -1, 1, 4)
-            H[rows, columns] = sign * np.vstack([np.eye(dimension), arm])
-    inverse = np.repeat(2.0 ** rng.integers(-masses, masses + 1, bodies), freedoms)
-    H = sp.csr_array(H)
-    return sp.csr_array(H.T @ (sp.diags_array(inverse) @ H))
+            H[freedoms * body : freedoms * (body + 1), columns] = sign * np.vstack([np.eye(dimension), arm])
+    return sp.csr_array(H)
 
 
 def _scene(

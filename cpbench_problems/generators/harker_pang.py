@@ -9,8 +9,7 @@ from cpbench.formulations.nonlinear import NCP, NCPPoint
 from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench_problems.generators.portable import arctan
-from cpbench_problems.generators.symbols import atan, mapped, product, unknowns
+from cpbench_problems.generators.symbols import arctan, atan, mapped, product, unknowns
 
 CITATION = (
     "Harker and Pang 1990, Lectures in Applied Mathematics 26:265; Taji, Fukushima, Ibaraki 1993, Math. Prog. 58:369 "

@@ -14,8 +14,7 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.nonlinear import MiCP
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
-from cpbench_problems.generators.portable import sine
-from cpbench_problems.generators.symbols import Symbol, exp, mapped, sqrt, total, unknowns
+from cpbench_problems.generators.symbols import Symbol, exp, mapped, sine, sqrt, total, unknowns
 
 
 @collection(

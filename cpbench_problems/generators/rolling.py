@@ -7,7 +7,7 @@ v = (P − μ_r N/R)/(1 + J/(mR²)) and ‖r_T‖ = P − mv (Acary and Bourrier
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,7 +31,7 @@ BALL_INERTIA = 0.5
 def build_local() -> list[Instance]:
     sizes = (12, 6, 7, 8, 9, 10, 11)
     planted = [_planted(f"planted-{nc}", nc) for nc in sizes]
-    return [disc("rests", push=1.0), disc("rolls", push=5.0), ball_rolls(), *planted]
+    return [disc("rests", push=1.0), disc("rolls", push=5.0), _condensed(ball_global(), {"rank": 5}), *planted]
 
 
 @collection("rolling-global", "grfc", "discs and balls with rolling resistance, global form", CITATION)
@@ -44,7 +44,7 @@ def build_global() -> list[Instance]:
 )
 def build_local_large() -> list[Instance]:
     planted = [_planted(f"planted-{nc}", nc) for nc in (40, 100, 200)]
-    return [*planted, *(_condensed(bodies) for bodies in (150, 250, 400, 800, 10_000))]
+    return [*planted, *(_condensed(_planted_global(bodies)) for bodies in (150, 250, 400, 800, 10_000))]
 
 
 @collection("rolling-global-large", "grfc", "up to 6250 balls with rolling resistance, global form", CITATION,
@@ -112,19 +112,6 @@ def ball_global() -> Instance:
     return Instance(problem, GFCPoint(v=v, r=r), "closed form", properties={"state": "rolls"})
 
 
-def ball_rolls() -> Instance:
-    """Build the same in local form."""
-    whole = ball_global()
-    assert isinstance(whole.problem, GlobalRollingFrictionContact)
-    assert isinstance(whole.solution, GFCPoint)
-    M, H = _ball()
-    inverse = 1.0 / np.diag(M)
-    problem = RollingFrictionContact(
-        W=H.T @ (inverse[:, None] * H), q=H.T @ (inverse * whole.problem.f), mu=[1.0], mu_r=[0.625], name="ball-rolls"
-    )
-    return Instance(problem, FCPoint(r=whole.solution.r), "closed form", properties={"state": "rolls", "rank": 5})
-
-
 def _contacts(rng: np.random.Generator, states: Sequence[str]) -> tuple[Dense, Dense]:
     """Return r and u, shape (nc, 5) each, of contacts in these states, μ = 5/8, μ_r = 5/16."""
     r, u = np.zeros((len(states), 5)), np.zeros((len(states), 5))
@@ -166,16 +153,16 @@ def _planted_global(bodies: int) -> Instance:
     return Instance(problem, GFCPoint(v=v, r=r.ravel()), "planted", properties=properties)
 
 
-def _condensed(bodies: int) -> Instance:
-    """Return the local form of `_planted_global`; all sums are exact."""
-    whole = _planted_global(bodies)
+def _condensed(whole: Instance, facts: Mapping[str, object] | None = None) -> Instance:
+    """Return the local form, with more facts; all sums are exact."""
     p = whole.problem
     assert isinstance(p, GlobalRollingFrictionContact)
     assert isinstance(whole.solution, GFCPoint)
-    H, inverse = sp.csr_array(p.H), 1.0 / sp.csr_array(p.M).diagonal()
-    W, q = sp.csr_array(H.T @ (sp.diags_array(inverse) @ H)), H.T @ (inverse * p.f) + p.w
+    inverse = 1.0 / sp.csr_array(p.M).diagonal()
+    W = sp.csr_array(p.H.T @ (sp.diags_array(inverse) @ p.H)) if sp.issparse(p.H) else p.H.T @ (inverse[:, None] * p.H)
+    q = p.H.T @ (inverse * p.f) + p.w
     problem = RollingFrictionContact(W=W, q=q, mu=p.mu, mu_r=p.mu_r, name=p.name)
-    return Instance(problem, FCPoint(r=whole.solution.r), "planted", properties=whole.properties)
+    return Instance(problem, FCPoint(r=whole.solution.r), whole.known, properties={**whole.properties, **(facts or {})})
 
 
 def _planted(name: str, nc: int) -> Instance:

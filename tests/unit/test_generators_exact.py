@@ -15,14 +15,8 @@ from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone
 from cpbench.generators import Instance, generators
 
-INSTANCES = {
-    f"{c.name}-{i.name}": i
-    for c in generators
-    if c.builtin
-    for i in generated.instances(c.name)
-    if not i.problem.maps()
-}  # those with maps: test_generators_nonlinear
-SOLVED = [name for name, i in INSTANCES.items() if i.solution is not None and i.known != "planted to rounding"]
+LISTED = {f"{entry.family}-{entry.name}": entry for entry in generated.shipped(maps=False)}
+SOLVED = [name for name, entry in LISTED.items() if entry.known in KNOWN and entry.known != "planted to rounding"]
 
 Numbers = list[Fraction]
 
@@ -193,13 +187,13 @@ def _solved(instance: Instance) -> bool:
 
 @pytest.mark.parametrize("name", some_by_day(SOLVED, 40))
 def test_known_solutions_hold_without_any_rounding(name: str) -> None:
-    assert _solved(INSTANCES[name])
+    assert _solved(generated.instance(LISTED[name]))
 
 
 @pytest.mark.parametrize("name", some_by_day(SOLVED, 30))
 def test_the_last_bit_of_a_solution_matters(name: str) -> None:
     """The exact test is no formality: the largest number of the answer, changed in its last bit, fails it."""
-    instance = INSTANCES[name]
+    instance = generated.instance(LISTED[name])
     part, value = max(instance.solution.arrays().items(), key=lambda item: matrices.max_abs(item[1]))
     changed = value.copy()
     at = int(np.abs(changed).argmax())
@@ -216,9 +210,9 @@ def _matrix(instance: Instance) -> matrices.Matrix:
     return getattr(p, names.get(p.node, "M"))
 
 
-@pytest.mark.parametrize("name", INSTANCES)
+@pytest.mark.parametrize("name", LISTED)
 def test_properties_are_as_said(name: str) -> None:
-    instance = INSTANCES[name]
+    instance = generated.instance(LISTED[name])
     said, D = instance.properties, matrices.dense(_matrix(instance))
     kind = str(said.get("class", ""))
     least = float(np.linalg.eigvalsh((D + D.T) / 2)[0])

@@ -15,7 +15,7 @@ from cpbench import graph
 from cpbench.conversions.base import conversions
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind, Point, Problem
-from cpbench.generators import Instance, generators
+from cpbench.generators import Instance
 from cpbench.solvers.base import Budget, solvers
 
 TOLERANCE = 1e-10
@@ -37,19 +37,13 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 """Solvers by what their steps are made of: a kind has reproduced a solution when one of its solvers has."""
 HOMOGENEOUS = {"mathiesen": 1, "mathiesen-hard": 1}
 """Problems whose solutions are rays: from this unknown on they are told up to a factor."""
-INSTANCES = {
-    f"{instance.problem.node}-{instance.name}": instance
-    for collection in generators
-    if collection.builtin
-    for instance in generated.instances(collection.name)
-    if instance.known == "published" and instance.problem.maps()
-}
+LISTED = {f"{entry.node}-{entry.name}": entry for entry in generated.shipped(maps=True) if entry.known == "published"}
 
 
 @cache
 def _there(label: str, node: str) -> Problem | None:
     """The problem as another node; a program by its first-order conditions, which are necessary."""
-    problem = INSTANCES[label].problem
+    problem = generated.instance(LISTED[label]).problem
     ways = frozenset({Kind.EQUIVALENT, Kind.ONE_WAY, Kind.NECESSARY})
     via = [conversions.get("nlp-micp")(qualified=1)] if problem.node == "nlp" and node != "nlp" else []
     try:
@@ -69,7 +63,7 @@ def _starts(instance: Instance) -> Iterator[Point | None]:
 
 def _answers(label: str, name: str) -> Iterator[Any]:
     """Of one solver from every start that conversions carry to it, on the problem itself."""
-    solver, instance = solvers.get(name), INSTANCES[label]
+    solver, instance = solvers.get(name), generated.instance(LISTED[label])
     there = _there(label, solver.spec.node)
     if there is None or solver.obstacle(there) is not None:
         return
@@ -84,7 +78,7 @@ def _answers(label: str, name: str) -> Iterator[Any]:
 
 
 def _reproduced(label: str, answer: Any) -> bool:
-    instance = INSTANCES[label]
+    instance = generated.instance(LISTED[label])
     if not instance.problem.residuals(answer).error <= TOLERANCE:
         return False
     found, known, first = answer.z.copy(), instance.solution.z.copy(), HOMOGENEOUS.get(instance.name)
@@ -94,7 +88,7 @@ def _reproduced(label: str, answer: Any) -> bool:
 
 
 @pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("label", some_by_day(INSTANCES, 21))
+@pytest.mark.parametrize("label", some_by_day(LISTED, 21))
 def test_three_kinds_of_solvers_reproduce_it(label: str, record_property: Any) -> None:
     by: dict[str, str] = {}
     for kind, names in KINDS.items():
@@ -109,6 +103,5 @@ def test_three_kinds_of_solvers_reproduce_it(label: str, record_property: Any) -
 
 
 def test_the_table_has_all_that_is_published() -> None:
-    nodes = [instance.problem.node for instance in INSTANCES.values()]
+    nodes = [entry.node for entry in LISTED.values()]
     assert {node: nodes.count(node) for node in set(nodes)} == {"ncp": 10, "vi": 4, "qvi": 2, "nlp": 41, "equation": 5}
-    assert all(instance.solution is not None for instance in INSTANCES.values())
