@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiers import by_night, some_by_day
+from tiers import by_night
 
 sys.path.insert(0, str(Path(__file__).parent))
 from drawn_cases import draw
@@ -78,19 +78,6 @@ def test_a_map_comes_back_bit_for_bit(F: Map) -> None:
     assert scalars is None or _read(scalars, F.inputs) == F
 
 
-@pytest.mark.parametrize("node", some_by_day(NODES, 12))
-@pytest.mark.parametrize("seed", range(4))
-def test_hdf5_keeps_a_problem(node: str, seed: int, tmp_path: Path) -> None:
-    problem = draw(node, seed, (0, 1, 4, 9)[seed]).problem
-    storage.save(problem, tmp_path / "p.h5")
-    again = storage.load(tmp_path / "p.h5")
-    assert again.fingerprint == problem.fingerprint
-    assert again.maps() == problem.maps()
-    assert again.sizes() == problem.sizes()
-    storage.save_pack({"a": problem, "b": problem}, tmp_path / "pack.h5")
-    assert storage.load(f"{tmp_path / 'pack.h5'}::b").fingerprint == problem.fingerprint
-
-
 def test_hdf5_keeps_maps_of_two_kinds_of_unknowns(tmp_path: Path) -> None:
     """g of a QVI takes (y, z), the bounds that move take z."""
     y, z = ca.SX.sym("y", 2), ca.SX.sym("z", 2)
@@ -105,17 +92,6 @@ def test_hdf5_keeps_maps_of_two_kinds_of_unknowns(tmp_path: Path) -> None:
     assert isinstance(again, QVI)
     assert again.fingerprint == problem.fingerprint
     assert (again.g.shape, again.lower.shape) == ((1, 4), (2, 2))
-
-
-@pytest.mark.parametrize("node", WRITTEN)
-@pytest.mark.parametrize("seed", range(5))
-def test_a_file_keeps_a_problem(node: str, seed: int, tmp_path: Path) -> None:
-    problem = draw(node, seed, (0, 1, 3, 6, 10)[seed]).problem
-    path = tmp_path / "p.mof.json"
-    storage.save(problem, path)
-    again = storage.load(path)
-    assert (again.node, again.fingerprint) == (node, problem.fingerprint)
-    assert getattr(again, "convex", False) == getattr(problem, "convex", False)
 
 
 def test_starts_are_kept_with_the_sign_of_a_zero(tmp_path: Path) -> None:
