@@ -24,7 +24,7 @@ MADE: dict[str, Callable[[], Instance]] = {
     "ge": lambda: cone_maps.generalized(20, sparse=True),
     "cp": lambda: cone_maps.cone_complementarity(20, sparse=True),
     "afc": lambda: anisotropic_chain(30),
-    "rfc": lambda: rolling._condensed(101),
+    "rfc": lambda: rolling._condensed(rolling._planted_global(101)),
     "grfc": lambda: rolling._planted_global(101),
     "nfc": lambda: contact_nonlinear.spinning(102),
     "fcm": lambda: condensed(belts.rope(40, 5, 0.5), sparse=True),
@@ -52,7 +52,7 @@ def test_rows_of_neighbours_have_three_entries_and_are_independent() -> None:
 
 def test_the_local_form_of_rolling_balls_is_that_of_the_global_form() -> None:
     """W = HᵀM⁻¹H and q = HᵀM⁻¹f + w in dense arithmetic; all numbers are exact."""
-    local, whole = rolling._condensed(101).problem, rolling._planted_global(101).problem
+    local, whole = rolling._condensed(rolling._planted_global(101)).problem, rolling._planted_global(101).problem
     H, inverse = dense(whole.H), 1.0 / np.diag(dense(whole.M))
     np.testing.assert_array_equal(dense(local.W), H.T @ (inverse[:, None] * H))
     np.testing.assert_array_equal(local.q, H.T @ (inverse * whole.f) + whole.w)

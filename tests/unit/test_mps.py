@@ -222,7 +222,7 @@ REFUSED = {
     "both triangles": (".mps", "ENDATA", "QUADOBJ\n    X Y 1\n    Y X 1\nENDATA", "both triangles: expected one"),
     "product twice": (".mps", "ENDATA", "QSECTION\n    X X 1\n    X X 1\nENDATA", "a product twice"),
     "no end": (".mps", "ENDATA\n", "", "Parser error"),
-    "no program": (".mps", MPS, "once upon a time\n", "has no unknowns"),
+    "no program": (".mps", HEAD, "once upon a time\n", "has no unknowns"),
     "integer": (".lp", "end\n", "general\n x\nend\n", "x: is an unknown of the kind integer"),
     "sos": (".lp", "end\n", "sos\n s: S1:: x:1 y:2\nend\n", "SOS"),
     "product in a row": (".lp", "c: x + y", "c: [ x^2 ] + y", "quadratic"),
