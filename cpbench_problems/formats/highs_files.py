@@ -21,8 +21,7 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.programs import QP
 from cpbench.foundation.text import printable
-from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
+from cpbench.storage.base import OFFSET, SENSE, UNKNOWNS, Format, build, formats, no_member, read_text, stem
 from cpbench_problems.formats import two_sided
 from cpbench_problems.formats.trial import require_survivor
 

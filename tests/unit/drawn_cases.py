@@ -10,9 +10,9 @@ import planted
 import planted_conic
 import planted_contact
 import planted_nonlinear as nonlinear
-from cpbench.foundation.cones import Cone, ProductCone
 
 from cpbench.formulations import Problem
+from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing.cases import Case
 
 
