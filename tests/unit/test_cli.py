@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import subprocess
@@ -265,7 +266,7 @@ def test_pack(monkeypatch, tmp_path) -> None:
 
 @pytest.mark.needs("cpbench_solvers")
 def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> None:
-    """A small run, its rows as JSON, its answers again under another measure."""
+    """A small run, its rows as CSV, its answers again under another measure."""
     folder = lcp.parent
     command = ["run", "deudeu.h5", "contact.hdf5", "-s", "lemke", "-s", "nsgs"]
     done = in_process(folder, *command, "--routes", "all", "-o", "r.sqlite")
@@ -273,8 +274,8 @@ def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> Non
     assert (folder / "reports" / "r" / "report.md").exists()
     assert (folder / "reports" / "r" / "report.html").exists()
     monkeypatch.chdir(folder)
-    assert cpbench(monkeypatch, "results", "export", "r.sqlite", "--rows", "rows.json", "--answers", "answers.h5") == 0
-    rows = {(r["problem"], r["label"]): r for r in json.loads((folder / "rows.json").read_text())}
+    assert cpbench(monkeypatch, "results", "export", "r.sqlite", "--rows", "rows.csv", "--answers", "answers.h5") == 0
+    rows = {(r["problem"], r["label"]): r for r in csv.DictReader((folder / "rows.csv").read_text().splitlines())}
     assert rows["deudeu", "lemke"]["status"] == "solved"
     assert rows["contact", "nsgs"]["status"] == "solved"
     facets = rows["contact", "lemke@inner8"]

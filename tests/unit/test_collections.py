@@ -190,7 +190,7 @@ def test_real_files_are_added_verified_and_read(name: str, shared_data: Path, tm
     one = manifests.manifest(name)
     done = cpbench(tmp_path, "collection", "add", name, "--from", str(shared_data))
     assert f"{len(one.files)} of them checked" in done.stdout
-    done = cpbench(tmp_path, "collection", "verify")
+    done = cpbench(tmp_path, "collection", "verify", name)
     assert (done.returncode, done.stdout.count("\n")) == (0, 1)
     assert f"{len(one.files)} as the manifest has them" in done.stdout
     chosen = storage.formats.get(one.reader.split(", ")[0])

@@ -98,7 +98,7 @@ def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> Non
         surveys = [slot.survey(path, [plan.exact()]) for path in paths]
         limits = plan.Limits(20.0, 2**32, 1, repeats=3)
         for pair in plan.pairs(surveys, [plan.parse_entry(name)], [plan.exact()], 1e-6, limits):
-            slot.start([name], limits, lambda *event: started.append(event))
+            slot.start({name: limits}, lambda *event: started.append(event))
             rows.append(slot.run(pair, slot.prepare(pair)))
             family = psutil.Process(slot.workers.children[0].pid).children(recursive=True)
             workers |= {family[0].pid}

@@ -59,7 +59,7 @@ def test_the_command_line_itself_is_small() -> None:
         "import sys; from cpbench.cli import cli; cli.main(['--help'], standalone_mode=False); "
         "print(*sorted(name for name in sys.modules if name.startswith('cpbench') or name in ('numpy', 'asyncio')))"
     )
-    below = ["", ".extensions", ".imports", ".plain_text"]
+    below = ["", ".extensions", ".imports", ".text"]
     ours = ["", ".cli", ".errors", *(f".foundation{name}" for name in below)]
     assert _said(code).splitlines()[-1].split() == [f"cpbench{name}" for name in ours]
 
