@@ -8,7 +8,6 @@ import gc
 import importlib
 import os
 
-from cpbench.foundation import kernel_cache
 from cpbench.foundation.imports import uncollected
 
 MODULES = (
@@ -22,10 +21,7 @@ MODULES = (
     "cpbench.solvers",
     "cpbench.bench.referee",
     "cpbench.bench.worker",
-    "numba",
 )
-KERNEL = "cpbench.formulations.expressions.kernels.interpreter"
-"""A small one: numba takes half a second to read the first, and less than a tenth of that for a second."""
 
 
 def preload() -> None:
@@ -34,9 +30,6 @@ def preload() -> None:
         for module in MODULES:
             with contextlib.suppress(Exception):
                 importlib.import_module(module)
-        with contextlib.suppress(Exception):
-            if kernel_cache.is_compiled(KERNEL):  # a compilation is the business of the process that says so
-                kernel_cache.load(KERNEL)
     os.environ.pop("PYTHONSAFEPATH", None)  # was for this process alone (`launch`)
     gc.freeze()  # nor by anybody forked from here
 
