@@ -208,18 +208,3 @@ def enumerate_mlcp(problem: MLCP, tolerance: float = 1e-10) -> MLCPPoint | None:
         if problem.residuals(point).error <= tolerance:
             return point
     return None
-
-
-def enumerate_lcp(problem: LCP, tolerance: float = 1e-10) -> LCPPoint | None:
-    """Return `enumerate_mlcp` without free unknowns."""
-    m = problem.q.size
-    mixed = MLCP(
-        A=np.zeros((0, 0)),
-        B=matrices.dense(problem.M),
-        C=np.zeros((0, m)),
-        D=np.zeros((m, 0)),
-        a=np.zeros(0),
-        b=problem.q,
-    )
-    point = enumerate_mlcp(mixed, tolerance)
-    return None if point is None else LCPPoint(z=point.v)
