@@ -50,13 +50,16 @@ def _values(text: str, facts: Sequence[Mapping[str, float | str]], known: Mappin
     import pandas as pd
 
     query = _query(text, known)
-    types = {name: "string" if kind is str else "Float64" for name, kind in known.items()}
+    # "string" alone is pyarrow's type where pyarrow is installed, with other words for what is wrong
+    types = {name: "string[python]" if kind is str else "Float64" for name, kind in known.items()}
     table = pd.DataFrame(list(facts), columns=list(known)).astype(types)
     try:
         with np.errstate(all="ignore"):
             values: Any = table.eval(query, engine="python")
     except Exception as cause:  # of whatever class pandas raises for texts that are added, numbers that are negated ...
-        raise _wrong(text, " ".join(str(cause).split())) from None
+        names = sorted({node.id for node in ast.walk(ast.parse(query)) if isinstance(node, ast.Name)})
+        kinds = ", ".join(f"{name} is a {'text' if known[name] is str else 'number'}" for name in names)
+        raise _wrong(text, f"cannot be evaluated ({kinds}): {' '.join(str(cause).split())}") from None
     if not isinstance(values, pd.Series) or not pd.api.types.is_bool_dtype(values.dtype):
         raise _wrong(text, "is no condition on facts")
     return values
