@@ -140,7 +140,6 @@ def make(problems: int, labels: int, seed: int) -> pd.DataFrame:
             "host": "here",
             "loadavg": 0.1,
             "reported": np.nan,
-            "origin": "",
             "finished": "2026-01-01T00:00:00",
         }
     )

@@ -30,8 +30,7 @@ def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
     groups = rows_of.groups(starts.merged(table))
     weight = np.zeros((len(labels), len(groups)))
     for g, (_, rows) in enumerate(groups):
-        compared = rows_of.only_ranked(rows)
-        first = performance_profile(rows_of.times(compared), lost=rows_of.lost(compared)).leading(LEADING)
+        first = performance_profile(rows_of.times(rows), lost=rows_of.lost(rows)).leading(LEADING)
         for k, label in enumerate(first):
             weight[place[label], g] = LEADING - k
     taken = np.zeros((colours, len(groups)))

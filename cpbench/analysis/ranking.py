@@ -179,7 +179,7 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     rows = started[~hopeless]
     cases = rows["fingerprint"].nunique()
     problems = rows["fingerprint"].map(starts.original).nunique()
-    times = rows_of.times(rows_of.only_ranked(rows))
+    times = rows_of.times(rows)
     gap = best.gaps(times)
     factors = {str(label): float(factor) for label, factor in gap["mean"].items()}
     ranked = _ranked(started, rows, times, gap, launching)
@@ -263,6 +263,4 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
     warn(cautions.fell_back(rows), "fell back to cold")
     for status, text in ENDINGS.items():
         warn(_count(rows[rows["status"] == status]), text)
-    for label in sorted(set(rows["label"][~rows_of.ranked(rows)])):
-        found.setdefault(label, []).append("times of another machine")
     return found

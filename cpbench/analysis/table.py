@@ -28,7 +28,7 @@ Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
     "start", "set", "measure", "sequence", "status", "route", "kind", "claim", "flags", "message", "parts", "counters",
-    "version", "samples", "started", "host", "origin", "finished", "certainty", "certificate",
+    "version", "samples", "started", "host", "finished", "certainty", "certificate",
 )  # fmt: skip
 NUMBERS = (
     "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "target_tolerance",
@@ -38,8 +38,6 @@ NUMBERS = (
 )  # fmt: skip
 ROW = ("key", "problem", "fingerprint", "label")
 """Columns that tell a row from all others."""
-NO_ANSWER = "no answer in the folder"
-"""Message of an imported row whose problem has no answer."""
 STATUSES = tuple(str(s) for s in Status)
 """Every status, from the best outcome to the least informative: the order of all tables."""
 CONTRADICTED = "contradicted"
@@ -195,22 +193,6 @@ def charged(table: pd.DataFrame) -> Floats:
     spent = {name: pd.to_numeric(table[name]).to_numpy(dtype=float) for name in CHARGED}
     total = np.sum([np.where(np.isnan(part), 0.0, part) for part in spent.values()], axis=0)
     return np.where(np.isnan(spent["solve"]), math.inf, total)
-
-
-def ranked(table: pd.DataFrame) -> pd.Series[bool]:
-    """Return whether the times of each row may be compared: those of answers made elsewhere only where the column
-    `ranked` allows it.
-
-    >>> ranked(pd.DataFrame({"origin": ["", "another machine"]})).tolist()
-    [True, False]
-    """
-    return table["ranked"].astype(bool) if "ranked" in table else table["origin"] == ""
-
-
-def only_ranked(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows whose times may be compared; the table itself, and no copy, where these are all."""
-    chosen = ranked(table)
-    return table if chosen.all() else table[chosen]
 
 
 def groups(table: pd.DataFrame) -> list[tuple[ResultGroup, pd.DataFrame]]:

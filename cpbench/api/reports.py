@@ -42,7 +42,6 @@ def write_report(
     csv: bool | None = True,
     comparison: Comparison | None = None,
     publishable: bool = False,
-    with_imported: bool = False,
     count_stationary: bool = False,
 ) -> tuple[list[Path], list[str]]:
     """Write Markdown, the offline page, figures and rows into a folder; returns the files, and what was left out.
@@ -66,7 +65,6 @@ def write_report(
         origins=_origins(store, run.stored),
         address=address_text,
         publishable=publishable,
-        with_imported=with_imported,
         count_stationary=count_stationary,
     )
     return list(files), notes if many else []

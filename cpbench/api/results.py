@@ -131,7 +131,7 @@ class Results:
 
         Parameters
         ----------
-        choice : `publishable`, `with_imported`, `count_stationary`, `data`, as `cpbench report --help` says.
+        choice : `publishable`, `count_stationary`, `data`, as `cpbench report --help` says.
 
         Raises FormatError where the folder cannot be made.
         """

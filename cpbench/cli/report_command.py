@@ -23,7 +23,6 @@ from cpbench.cli.types import PATH
 )
 @publishable_option
 @click.option("--csv", is_flag=True, help="Write results.csv also of more than 200000 rows.")
-@click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 @stationary_option
 def command(
     results: Path,
@@ -32,11 +31,10 @@ def command(
     baseline: Path | None,
     publishable: bool,
     csv: bool,
-    with_imported: bool,
     count_stationary: bool,
 ) -> None:
     """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows."""
-    choices = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
+    choices = {"publishable": publishable, "count_stationary": count_stationary}
     folder, name = output or Path("reports") / results.stem, title or results.stem
     from cpbench.api import reports
 

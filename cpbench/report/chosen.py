@@ -59,16 +59,11 @@ class SelectedRows:
         return rows_of.label_kinds(self.rows)
 
     def measured(self, name: str) -> tuple[MetricValues, str]:
-        """Return a metric of the ranked labels, and a sentence on the labels left out, '' when there is none."""
-        ranked = self.rows[rows_of.ranked(self.rows)]
-        values = measured(ranked, metric(name, self.rows))
-        reasons: list[str] = []
-        if values.left_out:
-            reasons.append(f"no {values.metric.name} of {listed_plainly(list(values.left_out))}")
-        elsewhere = sorted(set(self.rows["label"]) - set(ranked["label"]))
-        if elsewhere:
-            reasons.append(f"{listed_plainly(elsewhere)} answered elsewhere")
-        return values, f" Left out: {'; '.join(reasons)}." if reasons else ""
+        """Return a metric of the labels, and a sentence on the labels left out, '' when there is none."""
+        values = measured(self.rows, metric(name, self.rows))
+        if not values.left_out:
+            return values, ""
+        return values, f" Left out: no {values.metric.name} of {listed_plainly(list(values.left_out))}."
 
     @property
     def starts(self) -> str:

@@ -24,7 +24,6 @@ def write_folder(
     histories: pd.DataFrame | None = None,
     *,
     publishable: bool = False,
-    with_imported: bool = False,
     count_stationary: bool = False,
     comparison: Comparison | None = None,
     has_csv: bool = True,
@@ -38,14 +37,13 @@ def write_folder(
     given : the rows of the results store, with facts of the run by name (command, date, timeout [s], machine, ...).
     histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
     publishable : whether solvers whose figures must not be published are left out of everything.
-    with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     count_stationary : whether answers that are stationary only are among the solved.
     comparison : with another run (`analysis.comparison`), a separate section in the Markdown.
     has_csv : whether results.csv is beside it.
     address : what the report says in place of the address of a problem.
     origins : source and licence of the problems, by family.
     """
-    chosen = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
+    chosen = {"publishable": publishable, "count_stationary": count_stationary}
     run = assembled(given, Path(folder), histories, origins=origins, address=address, has_csv=has_csv, **chosen)
     markdown, given_text = documents.write(run, title, comparison)
     html = page.write(run, given_text)

@@ -52,7 +52,6 @@ TEXTS = (
     "parts",
     "version",
     "started",
-    "origin",
     "certainty",
     "certificate",
 )
@@ -72,7 +71,6 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "problem": problem,
         "label": label,
         "status": np.asarray(status, dtype=np.int64),
-        "ranked": rows_of.ranked(rows).to_numpy(dtype=np.int64),
         "error": rows["error"].to_numpy(dtype=float),
     }
     known = _metrics(rows, whole)
@@ -147,7 +145,7 @@ def _details(run: Run, rows: pd.DataFrame, whole: bool) -> tuple[dict[str, Colum
         code, distinct = _codes(kept[name])
         columns[f"detail.{name}"] = code
         texts[name] = [_digits(text) if name in ("parts", "counters") else text for text in distinct]
-    names = ["origin", "request", "label", "solver", "address", "tolerance", "seconds", "start"]
+    names = ["request", "label", "solver", "address", "tolerance", "seconds", "start"]
     names += [starts.BEGAN] if starts.BEGAN in kept else []
     commands = [run.again(row) for row in kept[names].to_dict("records")]
     code, texts["command"] = _codes(pd.Series(commands, dtype=object))
@@ -200,11 +198,9 @@ def _sizes(text: str) -> dict[str, float]:
 
 
 def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, list[Any]]:
-    ranked = rows_of.ranked(rows).groupby(rows["label"]).all()
     return {
         "name": [one_line(label) for label in labels],
         "look": [run.looks[label] for label in labels],
-        "ranked": [int(bool(ranked[label])) for label in labels],
     }
 
 

@@ -122,8 +122,7 @@ class Run:
     @cached_property
     def compared(self) -> dict[ResultGroup, ComparedTimes]:
         """The times of each group that its tables, its profile and the page are of."""
-        ranked = {group: rows_of.only_ranked(rows) for group, rows in self.parts}
-        return {group: ComparedTimes(rows_of.times(rows), rows_of.lost(rows)) for group, rows in ranked.items()}
+        return {group: ComparedTimes(rows_of.times(rows), rows_of.lost(rows)) for group, rows in self.parts}
 
     @cached_property
     def timed(self) -> pd.DataFrame:
@@ -171,7 +170,6 @@ def assembled(
     histories: pd.DataFrame | None = None,
     *,
     publishable: bool = False,
-    with_imported: bool = False,
     origins: Mapping[str, ProblemOrigin] | None = None,
     has_csv: bool = True,
     count_stationary: bool = False,
@@ -186,12 +184,10 @@ def assembled(
     run = replace(run, origins=origins or {}, waiting=waiting)
     if histories is not None:
         run = replace(run, histories=histories)
-    if with_imported:
-        run = replace(run, rows=run.rows.assign(ranked=True))
     if count_stationary:
         run = replace(run, rows=rows_of.counting_stationary(run.rows), count_stationary=True)
     run = _publishable(run) if publishable else run
-    changed = with_imported or count_stationary or bool(run.left_out)
+    changed = count_stationary or bool(run.left_out)
     return replace(run, parted=run.rows, rows=starts.merged(run.rows), whole=None if changed else given)
 
 

@@ -147,10 +147,6 @@ def limitations(run: Run) -> Iterator[str]:
             f"solved {inexact['solved'].sum()} and missed {inexact['missed'].sum()} problems; largest error "
             f"{number(float(inexact['largest'].max()))}."
         )
-    foreign = rows[rows["origin"] != ""]
-    if len(foreign):
-        ranked = "here they are ranked all the same" if "ranked" in foreign else "they are not ranked"
-        yield f"{counted(len(foreign), 'answer')} made elsewhere: their times are of another machine, and {ranked}."
     refused = int(rows["status"].isin(REFUSED).sum())
     if refused:
         reasons = [reason for reason in run.refusals if reason.status != Status.NOT_RUN]

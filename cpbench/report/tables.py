@@ -58,7 +58,6 @@ def of_run(run: Run) -> dict[str, Table]:
         "inexact": _inexact(run),
         "losses": _losses(run),
         "warm": _warm(run),
-        "imported": _imported(run),
         "failures": _reasons(run, run.failures),
         "never": _reasons(run, run.refusals),
         "absent": _absent(run),
@@ -249,22 +248,6 @@ def _warm(run: Run) -> Table:
     forms = {"formulation": "text", "solver": "code", "start": "code", "pairs": "count", "solved warm": "count",
              "solved cold": "count", "fell back": "count", "time": "number", "iterations": "number"}  # fmt: skip
     return Table(starts.paired(run.read).set_axis(list(forms), axis=1), forms)
-
-
-def _imported(run: Run) -> Table:
-    """Return one line a label and place, of answers that were made elsewhere."""
-    foreign = run.rows[run.rows["origin"] != ""]
-    parts = foreign.assign(
-        solved=rows_of.solved(foreign),
-        stationary=foreign["status"] == str(Status.STATIONARY),
-        none=foreign["message"] == rows_of.NO_ANSWER,
-        timed=foreign["solve"].notna(),
-    ).groupby(["label", "origin"], sort=True)
-    counts = parts[["solved", "stationary", "none", "timed"]].sum()
-    counts.insert(0, "pairs", parts.size())
-    forms = {"solver": "code", "made on": "text", "pairs": "count", "solved": "count", "stationary": "count",
-             "no answer": "count", "with a time": "count"}  # fmt: skip
-    return Table(counts.reset_index().set_axis(list(forms), axis=1), forms)
 
 
 def _reasons(run: Run, reasons: Sequence[Reason]) -> Table:

@@ -120,9 +120,6 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
     "cpbench solve 'a b.h5' -s lemke --via 'inner[facets=8]' --tolerance 1e-06 --timeout 10s"
     """
-    if row.get("origin"):  # the solver is not here; the answer may be measured again
-        words = ["cpbench", "verify", one_line(row["address"]), "--answer", "ANSWER"]
-        return shlex.join([*words, "--tolerance", f"{row['tolerance']:g}"])
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
     source = sheet or {}

@@ -272,7 +272,7 @@ def test_one_pair_decides_far_beyond_what_a_moment_explains() -> None:
 
 
 def test_times_count_on_one_machine_one_at_a_time() -> None:
-    for given in ({"host": "there"}, {"jobs": 2}, {"origin": "another machine"}):
+    for given in ({"host": "there"}, {"jobs": 2}):
         base, new = timed(3.0)
         after = side(row("p", "s", **new)).table.assign(**given)
         found = compare(side(row("p", "s", **base)), ComparisonSide("new", after, {}, {**HERE, "there": HERE["here"]}))

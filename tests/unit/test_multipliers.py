@@ -17,11 +17,8 @@ from planted_nonlinear import graph as formula
 import cpbench
 from cpbench import storage
 from cpbench.bench.multipliers import COMPLETED, completed
-from cpbench.bench.results.rows import unpack_answer
-from cpbench.bench.results.store import Store
 from cpbench.errors import PointError
 from cpbench.formulations import NLP, QP, VI, ConeQP, Point, Problem
-from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.primal import Primal, primal_of
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.verification import judge
@@ -185,32 +182,6 @@ def test_other_readers_want_the_whole_answer(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", CASES["qp-0"][1].z)
     with pytest.raises(cpbench.CpbenchError, match="has 7 numbers, expected"):
         storage.load_answer(tmp_path / "z.npy", CASES["qp-0"][0])
-
-
-def test_imported_unknowns_are_completed_and_the_rows_say_so(tmp_path: Path, asked: Path) -> None:
-    """In every form of an answer: a vector, a folder, an archive; beside a whole one."""
-    made = tmp_path / "made"
-    (made / "qp-1").mkdir(parents=True)
-    (made / "nlp-0").mkdir()
-    np.savetxt(made / "qp-0.csv", CASES["qp-0"][1].z, fmt="%.17g")
-    np.save(made / "qp-1" / "z.npy", 1.01 * CASES["qp-1"][1].z)
-    exchanges.get("npy-dir").write_answer(CASES["nlp-0"][1], made / "nlp-0")
-    for part in ("lam", "mu", "nu"):
-        (made / "nlp-0" / f"{part}.npy").unlink()
-    np.savez(made / "avi-0.npz", z=CASES["avi-0"][1].z)
-    results = tmp_path / "r.sqlite"
-    done = command(tmp_path, "results", "import", "made", "-s", "mine", "--problems", str(asked), "-o", results.name)
-    assert done.returncode == 0, done.stderr
-    with Store(results) as store:
-        rows = {row.problem: row for row in store.rows()}
-        blob = dict(store.answers())[rows["qp-0"].key]
-    assert {name: row.status for name, row in rows.items()} == {
-        "qp-0": "solved", "qp-1": "wrong", "avi-0": "solved", "nlp-0": "solved",
-    }  # fmt: skip
-    for row in rows.values():
-        assert COMPLETED in str(row.flags).split(",")
-        assert "the answer is z alone" in str(row.message)
-    assert judge(CASES["qp-0"][0], CASES["qp-0"][0].point_from_vector(unpack_answer(blob)), 1e-10).within
 
 
 # -------------------------------------------------------------------------------------------- real files

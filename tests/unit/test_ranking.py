@@ -158,14 +158,6 @@ def test_groups_of_one_node_have_distinct_names() -> None:
     assert [r.formulation for r in found] == ["lcp, tolerance 1e-08", "lcp, tolerance 0.0001", "qp"]
 
 
-def test_times_of_another_machine_are_ranked_with_nobodys() -> None:
-    [found] = _ranked(row("a", "s", "solved", 1.0), row("a", "t@imported", "solved", 1e-3, origin="there"))
-    here, there = found.rows
-    assert (here.solver, here.fastest, here.factor) == ("s", 1, 1.0)
-    assert there.warnings[-1] == "times of another machine"
-    assert (there.fastest, math.isnan(there.median)) == (0, True)
-
-
 def test_only_the_first_rows_are_shown() -> None:
     [found] = _ranked(*(row("a", f"s{k:02}", "solved", 1.0 + k) for k in range(LINES + 5)))
     assert len(found.rows) == LINES + 5

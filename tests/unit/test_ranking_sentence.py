@@ -46,10 +46,6 @@ def _lost(count: int, lost: int) -> Rows:
     return _all(count, "osqp", 1e-3, dict.fromkeys(range(lost), "lost"), route="lcp-qp")
 
 
-def _imported() -> Rows:
-    return [*_all(12, "here", 1.0, {3: "timeout"}), *_all(12, "there", 1e-3, origin="another machine")]
-
-
 TABLES: dict[str, tuple[Rows, str]] = {
     # 1 against 0 discordant problems is p = 1: no difference, so that the factor of 99 decides
     "one miss of 200": (
@@ -103,11 +99,6 @@ TABLES: dict[str, tuple[Rows, str]] = {
         [*_all(20, "part", 1e-3, dict.fromkeys(range(8), "unsupported")), *_all(20, "whole", 1.0)],
         "lcp: use whole: it solves 20 of 20 problems, alone on 8; "
         "part is 1000 times faster on the 12 that both solve.",
-    ),
-    # times of another machine do not compare: only the number does, which does not differ
-    "answers of another machine": (
-        _imported(),
-        "lcp: use here: it solves 11 of 12 problems, there solves 12; it missed p-003 (timeout).",
     ),
     # problems without a solution are left out
     "proved to have no solution": (

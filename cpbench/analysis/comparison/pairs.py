@@ -22,7 +22,7 @@ FINER = ("set", "step", "problem")
 COMMON = ("problem", "address", "node", "family", "solver", "request", "options", "tolerance", "measure", "start",
           "threads", "set", "step", "fingerprint")  # fmt: skip
 SIDE = ("label", "status", "error", "counters", "samples", "flags", "message", "seconds", "memory", "host", "jobs",
-        "origin", "version", "cpu", "solve", "time")  # fmt: skip
+        "version", "cpu", "solve", "time")  # fmt: skip
 """Columns that a pair has of both sides, with the endings `_base` and `_new`."""
 BY_LABEL = ("solver", "options", "request")
 """Columns that do not belong to the key where two labels of one table are compared."""

@@ -30,8 +30,8 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise) -> 
     """Judge the times of pairs, one row a pair.
 
     Columns: `ratio` new over base (NaN unless both sides were solved and timed) with its range [`low`, `high`] (NaN
-    without repeats); `below`: both shorter than the floor; `comparable`: above it, taken on one machine, one at a time,
-    by cpbench; `significant`: the sign of a difference that all repeats show, else 0; `time_verdict` ('' where not
+    without repeats); `below`: both shorter than the floor; `comparable`: above it, taken on one machine, one at a time;
+    `significant`: the sign of a difference that all repeats show, else 0; `time_verdict` ('' where not
     comparable), `time_why`.
     """
     base, new = (pairs[f"time_{side}"].to_numpy(dtype=float) for side in ("base", "new"))
@@ -39,7 +39,7 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise) -> 
     below = timed & (base < FLOOR) & (new < FLOOR)
     alone = np.ones(len(pairs), dtype=bool)
     for side in ("base", "new"):
-        alone &= ~(pairs[f"jobs_{side}"] > 1).to_numpy() & (pairs[f"origin_{side}"] == "").to_numpy()
+        alone &= ~(pairs[f"jobs_{side}"] > 1).to_numpy()
     comparable = timed & ~below & alone & one_machine.to_numpy()
     ratio, low, high = _ranges(pairs, comparable)
     plain = np.divide(np.maximum(new, FLOOR), np.maximum(base, FLOOR), out=np.full(len(pairs), math.nan), where=timed)

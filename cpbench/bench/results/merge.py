@@ -77,8 +77,6 @@ def _facts(store: Store) -> _Facts:
         was_run = row.status != "not_run"
         if was_run and meta.get("cpbench"):
             facts["version of cpbench"] = {meta["cpbench"]}
-        if row.origin:  # made elsewhere, under unknown limits
-            continue
         for limit, value in zip(LIMITS.values(), limits_of(row), strict=True):
             facts[f"{limit}{of_set}"].add(value)
         if row.version:

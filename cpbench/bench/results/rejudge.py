@@ -15,7 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from cpbench import proofs, storage, verification
-from cpbench.bench.results.answer_files import ENDINGS
 from cpbench.bench.results.rows import Row, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import FormatError, PointError
@@ -23,7 +22,7 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation.text import counted, summary
 
 NO_ROUTE = ("", "direct")
-"""Routes of an answer made elsewhere, and of a solver of the source problem itself."""
+"""Routes of a solver of the source problem itself."""
 SAME = 1e-6
 """Relative difference of two measurements of one error: another machine adds in another order. An answer that was
 changed, or is another row's, differs by much more."""
@@ -127,15 +126,12 @@ def _judge(
 
 
 def _ended_so(row: Row, blob: bytes | None) -> bool:
-    """Return whether a row has an answer, and a status without a claim all the same: an answer that came too late, or
-    one made elsewhere of which that was reported."""
-    if blob is None or row.status not in ENDINGS:
+    """Return whether a row has an answer, and a status without a claim all the same: an answer that came too late."""
+    if blob is None or row.status != verification.Status.TIMEOUT:
         return False
-    if row.origin:
-        return not row.claim
     seconds = [*json.loads(row.samples or "[]"), row.solve or 0.0]
     limit = math.inf if row.seconds is None else row.seconds
-    return row.status == verification.Status.TIMEOUT and (row.setup or 0.0) + max(seconds) > limit
+    return (row.setup or 0.0) + max(seconds) > limit
 
 
 def _target(row: Row, factor: float) -> verification.Verdict | None:

@@ -92,11 +92,11 @@ class Measured:
     error : on the problem that was asked. target_error : on the solver's own problem, target_tolerance what was asked
     for there. parts, counters : JSON objects. samples : JSON list of the seconds of all solves. wall to cpu [s],
     solve_min, solve_iqr [s]. peak : bytes. started : where the solver did start. attempts : how often the pair was run.
-    jobs : solves side by side. reported : seconds by the solver's own account. origin : where an imported answer was
-    made, empty for what was solved here. certainty : level of the certificate of the answer, where one was sought.
-    distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
-    trip : round trip of an empty request [s] to the process of a served solver, None of a solver that runs in its
-    worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile.
+    jobs : solves side by side. reported : seconds by the solver's own account. certainty : level of the certificate of
+    the answer, where one was sought. distance : a bound on its distance from a solution, over the size of that.
+    certificate : what else it says. trip : round trip of an empty request [s] to the process of a served solver, None
+    of a solver that runs in its worker. solve is the time of its method, solve_wall [s] what passed in the worker
+    meanwhile.
     """
 
     status: str = "not_run"
@@ -131,7 +131,6 @@ class Measured:
     host: str | None = None
     loadavg: float | None = None
     reported: float | None = None
-    origin: str | None = None
     finished: str | None = None
     target_tolerance: float | None = None
     certainty: str | None = None

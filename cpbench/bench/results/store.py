@@ -245,8 +245,7 @@ class Store:
     def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
         known: dict[str, set[tuple[Any, ...]]] = {}
-        ours = "coalesce(origin, '') = ''"  # the limits of imported answers are unknown
-        for name, *limits in self._database.read(f'SELECT DISTINCT "set", {columns} FROM rows WHERE {ours}'):
+        for name, *limits in self._database.read(f'SELECT DISTINCT "set", {columns} FROM rows'):
             known.setdefault(name, set()).add(tuple(limits))
         resumed = bool(known)
         for row in rows:

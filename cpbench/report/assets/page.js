@@ -117,10 +117,10 @@ function cellsOf() {
   return new Map(chosenRows().map((row) => [`${problem[row]} ${label[row]}`, row]));
 }
 
-/* What a row cost; null where it is not solved, or its time may not be compared. */
+/* What a row cost; null where it is not solved. */
 function costOf(row) {
   const value = page.columns[page.state.metric][row];
-  return isSolved(row) && page.columns.ranked[row] && Number.isFinite(value) ? value : null;
+  return isSolved(row) && Number.isFinite(value) ? value : null;
 }
 
 /* The part of the address behind the #: a section, then `?` and what is chosen, so that a link shows the same to all
@@ -235,7 +235,7 @@ function layered(values, mark, encoding, transform = []) {
    row at either end of the axis beside those of its problems. */
 function profileChart() {
   const metric = metricOf(), name = words(metric.name), problems = chosenProblems(), rows = cellsOf(), values = [];
-  for (const code of shownLabels().filter((one) => page.facts.labels.ranked[one])) {
+  for (const code of shownLabels()) {
     const label = labelName(code);
     for (const p of problems) {
       const row = rows.get(`${p} ${code}`), lost = row !== undefined && statusOf(row) === "lost";
@@ -478,7 +478,6 @@ function openPair(row) {
     ["ended with", ["code", "signal"].filter((name) => known(name)).map((name) => `${name} ${known(name)}`).join(", ")],
     ["side by side", value("jobs") > 1 && `with up to ${value("jobs") - 1} other solves`],
     ["version", text("version")],
-    ["made elsewhere", text("origin")],
     ["problem", h("span", {}, h("code", {}, facts.problems.address[code]), sizes ? ` (${sizes})` : "")],
     ["its source", origin.source],
     ["its licence", origin.licence],

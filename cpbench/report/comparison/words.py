@@ -86,7 +86,7 @@ def versions(comparison: Comparison) -> list[str]:
 def again(comparison: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
     """Return the command that runs the new side of a pair again."""
     own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
-    row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds", "origin")}}
+    row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds")}}
     here = str(Path.cwd()) + os.sep
     sheet = (comparison.new.meta.get("solvers") or {}).get(row["label"])
     return solve_command(row, sheet).replace(here, "")
