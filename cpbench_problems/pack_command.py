@@ -10,7 +10,7 @@ import numpy as np
 
 from cpbench import storage
 from cpbench.cli.info_command import sizes_line
-from cpbench.cli.options import Command, force_option
+from cpbench.cli.options import force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.errors import CpbenchError, FormatError
@@ -22,7 +22,7 @@ from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import shapes_of
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("arrays", metavar="[NAME=]FILE...", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, type=PATH, help="Problem file.")
 @click.option("--as", "asked", metavar="FORM", help="Formulation, or form of arrays; default: by their names.")

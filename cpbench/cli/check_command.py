@@ -20,7 +20,7 @@ from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
-from cpbench.cli.options import Command, ListOption
+from cpbench.cli.options import ListOption
 from cpbench.cli.types import DURATION
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.foundation import frames
@@ -32,7 +32,7 @@ WIDE = 52
 """Characters of the column of checks."""
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("plugin")
 @click.option("--only", cls=ListOption, metavar="CHECK", help="Check to run; default: all. Repeatable.")
 @click.option(

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from cpbench.cli import Group
-from cpbench.cli.options import Command, ListOption, force_option, seed_option, tolerance_option
+from cpbench.cli.options import ListOption, force_option, seed_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import COUNT, DURATION, FILE, FOLDER
 from cpbench.foundation.extensions import hook
@@ -98,7 +98,7 @@ def command() -> None:
     """
 
 
-@command.command("list", cls=Command)
+@command.command("list")
 def list_collections() -> None:
     """Count the problems of cpbench by formulation, tier, size and proof; list the collections of others.
 
@@ -126,7 +126,7 @@ def _rows() -> Iterator[tuple[str, ...]]:
         )
 
 
-@command.command("add", cls=Command)
+@command.command("add")
 @click.argument("name")
 @click.option("--from", "source", type=FOLDER, required=True, metavar="DIR", help="Folder with the files.")
 @force_option
@@ -148,7 +148,7 @@ def add(name: str, source: Path, force: bool) -> None:
         print_lines(["cpbench reads none of these files yet"])
 
 
-@command.command("verify", cls=Command)
+@command.command("verify")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def verify(names: tuple[str, ...]) -> None:
     """Check the files of collections against their hashes, and show which have been added and how to add the others.
@@ -169,7 +169,7 @@ def verify(names: tuple[str, ...]) -> None:
     sys.exit(int(wrong))
 
 
-@command.command("generate", cls=Command)
+@command.command("generate")
 @click.argument("folder", required=False, type=FOLDER)
 @click.option("--family", "names", cls=ListOption, metavar="NAME", help="Family to write; needs FOLDER. Repeatable.")
 @click.option(
@@ -221,7 +221,7 @@ def _require_same(paths: Iterable[Path], folder: Path, other: Path, what: str) -
         sys.exit(1)
 
 
-@command.command("scene", cls=Command)
+@command.command("scene")
 @click.argument("name")
 @click.option("--size", type=COUNT, help="Bodies: cubes, bricks, stones, balls, links, ...  [default: 10]")
 @click.option("--steps", type=COUNT, default=50, show_default=True, help="Number of time steps.")

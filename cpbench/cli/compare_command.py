@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from cpbench.api import comparing
-from cpbench.cli.options import Command, fail_on_option, outputs_option, seed_option, stationary_option
+from cpbench.cli.options import fail_on_option, outputs_option, seed_option, stationary_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import LABELS, PATH
 from cpbench.errors import UnknownName
@@ -22,7 +22,7 @@ before."""
 NOT_NEGATIVE = click.FloatRange(min=0)
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("base", type=PATH)
 @click.argument("new", required=False, type=PATH)
 @click.option("--a", "first", metavar="LABEL", help="Solver or label that is the base, with one file.")

@@ -16,7 +16,6 @@ from cpbench.bench import starts
 from cpbench.cli import verify_command
 from cpbench.cli.info_command import sizes_line
 from cpbench.cli.options import (
-    Command,
     ListOption,
     force_option,
     format_option,
@@ -37,7 +36,7 @@ from cpbench.storage.base import require_new
 from cpbench.verification import error_text
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("source", metavar="IN", type=ADDRESS)
 @click.argument("target_file", metavar="OUT", type=PATH)
 @click.option("--to", "node", metavar="NODE", help="Formulation to reach; default: its own.")

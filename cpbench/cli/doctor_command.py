@@ -10,7 +10,6 @@ import click
 from cpbench.bench import availability, machine, time_limits
 from cpbench.bench.availability import SolverState
 from cpbench.cli.list_command import HEAD, RESTRICTED, cells, families
-from cpbench.cli.options import Command
 from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
@@ -18,7 +17,7 @@ from cpbench.solvers.base import solvers
 from cpbench.testing.node_traits import trait_table
 
 
-@click.command(cls=Command)
+@click.command()
 @click.option("--warm", is_flag=True, help="Compile and load every solver and conversion now.")
 @click.option("--node", metavar="NAME", help="Say instead what a formulation has, and what it lacks.")
 def command(warm: bool, node: str | None) -> None:

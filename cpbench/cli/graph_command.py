@@ -9,7 +9,7 @@ import click
 
 from cpbench import graph, storage
 from cpbench.cli.info_command import size_after, sizes_line
-from cpbench.cli.options import Command, ListOption, format_option, kinds_option
+from cpbench.cli.options import ListOption, format_option, kinds_option
 from cpbench.cli.terminal import fitted, folded, print_lines
 from cpbench.cli.types import ADDRESS
 from cpbench.conversions import Conversion
@@ -23,7 +23,7 @@ WRAP = 3
 """Solvers a line in the box of a node."""
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("problem", required=False, type=ADDRESS)
 @click.option(
     "--to",

@@ -16,7 +16,7 @@ import numpy as np
 from cpbench import storage
 from cpbench.api.results import is_results_file
 from cpbench.cli.answer import print_results
-from cpbench.cli.options import Command, format_option
+from cpbench.cli.options import format_option
 from cpbench.cli.progress import Steps
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS
@@ -43,7 +43,7 @@ _KNOWN = {"id": "ids", "bodies": "bodies", "position": "positions", "frame": "fr
 """Parts of what is known of contacts, in words."""
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("files", nargs=-1, required=True, type=ADDRESS)
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option

@@ -14,7 +14,6 @@ from cpbench import storage
 from cpbench.bench import availability
 from cpbench.bench.availability import SolverState
 from cpbench.bench.planning import grids
-from cpbench.cli.options import Command
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
 from cpbench.conversions.base import conversions, mathematics
 from cpbench.formulations import formulations
@@ -34,7 +33,7 @@ GLANCED = {
 """The meaning of a state that was read without importing anything."""
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
 @click.argument("names", nargs=-1, metavar="[NAME|NODE|GLOB]...")
 @click.option("--all", "every", is_flag=True, help="Include solvers that run only when they are named.")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from cpbench.cli.options import Command
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FOLDER
 from cpbench.testing import new_ci, new_plugin
@@ -16,7 +15,7 @@ KINDS = ("solver", "conversion", "problem")
 CI = "ci"
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("kind", type=click.Choice([*KINDS, CI]))
 @click.argument("name", required=False)
 @click.option(

@@ -33,20 +33,7 @@ class ListOption(click.Option):
         return tuple(dict.fromkeys(items))
 
 
-class Command(click.Command):
-    """A command that refuses an option of one value when it is given twice, where click would take the last."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if args and not ctx.resilient_parsing:
-            _, _, order = self.make_parser(ctx).parse_args(args=list(args))
-            for option in (p for p in order if isinstance(p, click.Option) and not p.is_eager):
-                if order.count(option) > 1 and not option.multiple:
-                    flag = "/".join((*option.opts[-1:], *option.secondary_opts[-1:]))
-                    raise click.UsageError(f"{flag} is given twice: give it once, it has one value", ctx)
-        return super().parse_args(ctx, args)
-
-
-class Sections(Command):
+class Sections(click.Command):
     """A command with many options: its help shows them in `sections`, title -> names of their parameters."""
 
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]], examples: Sequence[str] = (), **kwargs: Any):

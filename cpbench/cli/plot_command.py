@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench.cli.options import Command, ListOption
+from cpbench.cli.options import ListOption
 from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import ADDRESS, DURATION, FACET_LIST, LENGTH, PATH, POSITIVE
 from cpbench.errors import FormatError, UnknownName
@@ -56,7 +56,7 @@ def _draws_runs(name: str) -> bool:
     return packages()[_kinds()[name][0]] == OF_RUNS
 
 
-class PlotCommand(Command):
+class PlotCommand(click.Command):
     """A command that takes, beside its own options, those of the kind of figure that its first argument names."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

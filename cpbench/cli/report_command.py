@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from cpbench.cli.options import Command, publishable_option, stationary_option
+from cpbench.cli.options import publishable_option, stationary_option
 from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import PATH
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("results", type=PATH)
 @click.option("-o", "--output", type=PATH, help="Folder of the report; default: reports/NAME.")
 @click.option("--title", help="Title of the report; default: name of the results file.")

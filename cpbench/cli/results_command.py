@@ -13,7 +13,7 @@ from cpbench.bench.results.merge import merge
 from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.cli import Group
-from cpbench.cli.options import Command, ListOption, force_option
+from cpbench.cli.options import ListOption, force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
 from cpbench.foundation.text import counted, summary
@@ -30,7 +30,7 @@ def command() -> None:
     """Merge or export results."""
 
 
-@command.command("merge", cls=Command)
+@command.command("merge")
 @click.argument("results", nargs=-1, required=True, type=PATH)
 @click.option("-o", "--output", required=True, type=FILE, help="Results file to make.")
 def merge_files(results: tuple[Path, ...], output: Path) -> None:
@@ -53,7 +53,7 @@ def _warn(line: str) -> None:
     print_lines([line], err=True)
 
 
-@command.command("export", cls=Command)
+@command.command("export")
 @click.argument("results", type=PATH)
 @click.option("--rows", type=PATH, help="Output file of the rows: .csv.")
 @click.option(

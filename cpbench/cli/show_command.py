@@ -8,7 +8,6 @@ from cpbench.api.problems import convert, load
 from cpbench.api.results import is_results_file
 from cpbench.cli.answer import print_results
 from cpbench.cli.options import (
-    Command,
     format_option,
     kinds_option,
     via_option,
@@ -18,7 +17,7 @@ from cpbench.formulations import Kind
 from cpbench.report import show
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("source", metavar="FILE", type=ADDRESS)
 @click.option("--as", "node", metavar="NODE", help="Formulation to convert to first (cpbench list formulations).")
 @via_option

@@ -10,7 +10,6 @@ from typing import Any
 import click
 
 from cpbench.cli.options import (
-    Command,
     force_option,
     format_option,
     json_option,
@@ -26,7 +25,7 @@ from cpbench.foundation.imports import uncollected
 AUTO = "auto"
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("address", metavar="PROBLEM")
 @click.option(
     "-s",

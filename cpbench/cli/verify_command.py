@@ -13,7 +13,7 @@ from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
 from cpbench.bench.results.rejudge import rejudge_file
-from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
+from cpbench.cli.options import format_option, measure_option, number, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
@@ -27,7 +27,7 @@ from cpbench.verification import Status, Verdict
 DECLARED = "that the problem is convex is its author's word, which cannot be checked here"
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("problem", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
 @measure_option

@@ -13,7 +13,7 @@ from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
 from cpbench.bench.results.store import Store
-from cpbench.cli.options import Command, force_option, format_option, number, timeout_option, tolerance_option
+from cpbench.cli.options import force_option, format_option, number, timeout_option, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.generators.collection import address_text
@@ -22,7 +22,7 @@ from cpbench_lab.certificate_text import certificate_lines
 from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_rows, save_certificate
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")

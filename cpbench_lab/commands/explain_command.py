@@ -10,7 +10,7 @@ import click
 from cpbench.api.problems import load
 from cpbench.api.results import is_results_file
 from cpbench.bench.planning.plan import Limits
-from cpbench.cli.options import Command, ListOption, format_option, memory_option, quiet_option, threads_option
+from cpbench.cli.options import ListOption, format_option, memory_option, quiet_option, threads_option
 from cpbench.cli.progress import Steps
 from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
@@ -18,7 +18,7 @@ from cpbench.generators.collection import address_text
 from cpbench_lab.diagnosing import MINUTES, SECONDS, diagnose_apart, trial_of_row
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver; with RESULTS its label there.")
 @click.option("--pair", metavar="PROBLEM", help="Problem of RESULTS, by its name there.")

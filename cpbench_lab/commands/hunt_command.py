@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from cpbench.bench.planning.plan import Limits
-from cpbench.cli.options import Command, memory_option, quiet_option, seed_option, tolerance_option
+from cpbench.cli.options import memory_option, quiet_option, seed_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.foundation.text import counted
@@ -18,7 +18,7 @@ EVERY = 10.0
 """Seconds between two lines of progress."""
 
 
-@click.command(cls=Command)
+@click.command()
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver whose failures are sought.")
 @click.option("--against", required=True, metavar="NAME[opt=value]", help="Solver that solves these problems.")
 @click.option("-o", "--output", type=FOLDER, required=True, help="Output folder, a new one.")

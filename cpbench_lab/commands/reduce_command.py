@@ -8,7 +8,7 @@ import click
 
 from cpbench.api.results import is_results_file
 from cpbench.bench.planning.plan import Limits
-from cpbench.cli.options import Command, memory_option, quiet_option, tolerance_option, via_option
+from cpbench.cli.options import memory_option, quiet_option, tolerance_option, via_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.errors import CpbenchError
@@ -19,7 +19,7 @@ from cpbench_lab.reduction.predicate import parse_predicate
 from cpbench_lab.reduction.reduce import data_size
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("source", metavar="PROBLEM|RESULTS")
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver that fails; a label of RESULTS.")
 @click.option("--pair", metavar="PROBLEM", help="Problem of RESULTS on which it fails.")

@@ -10,7 +10,7 @@ import click
 
 from cpbench import storage
 from cpbench.api.problems import load as load_problem
-from cpbench.cli.options import Command, format_option, json_option, tolerance_option
+from cpbench.cli.options import format_option, json_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, DURATION, PATH
 from cpbench.formulations.base import Problem
@@ -18,7 +18,7 @@ from cpbench_lab import sweeping
 from cpbench_lab.hold_limits import hold_limit
 
 
-@click.command(cls=Command)
+@click.command()
 @click.argument("problem", type=ADDRESS)
 @click.option(
     "--over",

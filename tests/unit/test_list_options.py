@@ -1,0 +1,60 @@
+"""Options that take several values: repeated or between commas, they are the same list."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.cli import cli, main
+from cpbench.cli.options import ListOption
+from cpbench.formulations import LCP
+
+
+def commands(command: click.Command, path: str = "cpbench") -> Iterator[tuple[str, click.Command]]:
+    """Every command that does something, with its words."""
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            inner = command.get_command(context, name)
+            assert inner is not None
+            yield from commands(inner, f"{path} {name}")
+    else:
+        yield path, command
+
+
+LISTS = [
+    (path, option) for path, command in commands(cli) for option in command.params if isinstance(option, ListOption)
+]
+
+
+@pytest.mark.parametrize(("path", "option"), LISTS, ids=lambda value: getattr(value, "name", value))
+def test_repeated_is_the_same_as_between_commas(path: str, option: ListOption) -> None:
+    context = click.Context(click.Command(path))
+    both = option.type_cast_value(context, ["8", "16"])
+    assert len(set(map(str, both))) == 2
+    assert both == option.type_cast_value(context, ["8,16"]) == option.type_cast_value(context, ["8", "16,8"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["solve", "p.h5", "-s", "psor[omega=1,omega=1.5]"], "omega is given twice, as 1 and 1.5"),
+        (["run", "p.h5", "-s", "psor[omega=1,omega=1.5]"], "omega is given twice, as 1 and 1.5"),
+        (["convert", "p.h5", "x.h5", "--set", "s=1", "--set", "s=2"], "s is 1 and 2: give it once"),
+    ],
+)
+def test_two_values_within_one_option(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="p"), tmp_path / "p.h5")
+    monkeypatch.setattr(sys, "argv", ["cpbench", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert (ended.value.code, said in capsys.readouterr().err) == (2, True)
