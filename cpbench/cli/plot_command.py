@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench.cli.options import ListOption
+from cpbench.cli.options import ListOption, format_option, publishable_option
 from cpbench.cli.terminal import print_lines, replaced
-from cpbench.cli.types import ADDRESS, DURATION, FACET_LIST, LENGTH, PATH, POSITIVE
+from cpbench.cli.types import ADDRESS, LENGTH, PATH, POSITIVE
 from cpbench.errors import FormatError, UnknownName
 
 if TYPE_CHECKING:
@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 
 RUNS = "cpbench.report.plots"
 OF_RUNS, OF_PROBLEMS = "runs", "problems"
-RUN_OPTIONS = ("node", "solvers", "families", "tolerance", "only", "publishable")
-"""Parameters that figures of runs share."""
+OF_ROWS = ("node", "solvers", "families", "tolerance", "publishable")
+"""Options that figures of runs share."""
+OF_PROBLEM = ("file_format", "answer")
+"""Options that figures of problems share."""
 SETTINGS = ("start", "set", "measure", "threads")
-"""Columns by which --only chooses."""
+"""Columns by which -p chooses rows."""
 
 
 def packages() -> dict[str, str]:
@@ -57,31 +59,23 @@ def _draws_runs(name: str) -> bool:
 
 
 class PlotCommand(click.Command):
-    """A command that takes, beside its own options, those of the kind of figure that its first argument names."""
+    """A command whose help has the kinds of figures, or what the kind shows that its first argument names."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and not args[0].startswith("-"):
             ctx.meta["kind"] = _kind(args[0])
-        try:
-            return super().parse_args(ctx, args)
-        except click.NoSuchOption as refusal:
-            flag = refusal.option_name
-            users = [name for name in _kinds() if flag in _flags(self, ctx, name)]
-            if "kind" not in ctx.meta or not users:
-                raise
-            text = f"{flag} is no option of {ctx.meta['kind'].name}; it is one of {', '.join(users)}"
-            raise click.UsageError(text, ctx) from None
-
-    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        params = super().get_params(ctx)
-        return _params_of(ctx.meta["kind"], params) if "kind" in ctx.meta else params
+        return super().parse_args(ctx, args)
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write what the named kind shows; without one, all kinds with a line each."""
+        """Write what the named kind shows and its parameters; without one, all kinds with a line each."""
         if "kind" in ctx.meta:
+            kind: FigureKind = ctx.meta["kind"]
             formatter.write_paragraph()
             with formatter.indentation():
-                formatter.write_text(inspect.cleandoc(sys.modules[ctx.meta["kind"].draw.__module__].__doc__ or ""))
+                formatter.write_text(inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or ""))
+            if kind.options:
+                with formatter.section("Parameters (-p)"):
+                    formatter.write_dl([(f"{name}={kind.options[name]}", text) for name, text in kind.helps.items()])
             return
         super().format_help_text(ctx, formatter)
         for title, of_runs in (("Kinds of runs", True), ("Kinds of problems", False)):
@@ -91,50 +85,39 @@ class PlotCommand(click.Command):
                 )
 
 
-def _params_of(kind: FigureKind, shared: list[click.Parameter]) -> list[click.Parameter]:
-    """Return the parameters of a kind: those of `shared` that it uses, and its own."""
-    unused = ["file_format", "answer"] if _draws_runs(kind.name) else list(RUN_OPTIONS)
-    if not _draws_runs(kind.name):
-        unused += ["file", "file_format"] if kind.problem == "none" else []
-        unused += ["answer"] if kind.answer == "none" else []
-    own = [_own_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
-    names = {option.name for option in own}
-    head, *rest = (param for param in shared if param.name not in unused and param.name not in names)
-    return [head, *rest[:1], *own, *rest[1:]]
-
-
-def _flags(command: click.Command, ctx: click.Context, name: str) -> set[str]:
-    return {flag for param in _params_of(_kind(name), click.Command.get_params(command, ctx)) for flag in param.opts}
-
-
-def _own_option(name: str, default: Any, text: str) -> click.Option:
-    """Return an option of the type of its default; a tuple is a list of facet counts, NaN an unset duration."""
-    flag = f"--{name.replace('_', '-')}"
-    if isinstance(default, bool):
-        return click.Option([flag], is_flag=True, default=default, help=text)
-    if isinstance(default, tuple):
-        shown = ",".join(map(str, default))
-        return ListOption([flag], type=FACET_LIST, default=(shown,), show_default=shown, help=text)
-    if isinstance(default, float) and math.isnan(default):
-        return click.Option([flag], type=DURATION, default=default, help=text)
-    return click.Option([flag], type=type(default), default=default, show_default=default not in ("", -1), help=text)
+def _parameters(kind: FigureKind, given: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the parameters of the kind, each of the type of its default, and the settings by which rows are chosen."""
+    own: dict[str, Any] = {}
+    settings: dict[str, str] = {}
+    known = [*kind.options, *(SETTINGS if _draws_runs(kind.name) else ())]
+    for text in given:
+        name, _, value = text.partition("=")
+        if name not in known:
+            raise UnknownName(f"parameter of {kind.name}, in -p NAME=VALUE", name, known)
+        if name in kind.options:
+            own[name] = click.types.convert_type(type(kind.options[name])).convert(value, None, None)
+        else:
+            settings[name] = value
+    return own, settings
 
 
 @click.command(cls=PlotCommand)
 @click.argument("kind")
 @click.argument("file", required=False, type=ADDRESS, metavar="[RESULTS|FILE]")
+@click.option(
+    "-p",
+    "parameters",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help=f"Parameter of the kind (cpbench plot KIND --help); of rows, where the results have several: "
+    f"{', '.join(SETTINGS)}. Repeatable.",
+)
 @click.option("--node", default="", metavar="NAME", help="Formulation, where the results have several.")
 @click.option("-s", "--solver", "solvers", cls=ListOption, metavar="GLOB", help="Solvers or labels. Repeatable.")
 @click.option("--family", "families", cls=ListOption, metavar="GLOB", help="Families of problems. Repeatable.")
 @click.option("-t", "--tolerance", type=POSITIVE, help="Tolerance, where the results have several.")
-@click.option(
-    "--only",
-    cls=ListOption,
-    metavar="NAME=VALUE",
-    help=f"Rows, where the results have several: {', '.join(SETTINGS)}. Repeatable.",
-)
-@click.option("--publishable", is_flag=True, help="Leave out solvers that restrict the publishing of figures.")
-@click.option("--format", "file_format", metavar="NAME", help="Format of FILE.")
+@publishable_option
+@format_option
 @click.option("--answer", type=PATH, help="Answer to FILE (.h5, .npy, .npz, .csv); default: the one in it.")
 @click.option(
     "--width", type=LENGTH, default=math.nan, help="Width, as 3.5in or 89mm; of a column without explanation."
@@ -143,20 +126,33 @@ def _own_option(name: str, default: Any, text: str) -> click.Option:
 @click.option("-o", "--output", type=PATH, required=True, help="Output file: x.svg, .png or .pdf.")
 @click.option("--bare", is_flag=True, help="Leave out the title and the explanation below it.")
 @click.pass_context
-def command(ctx: click.Context, kind: str, output: Path, width: float, height: float, bare: bool, **given: Any) -> None:
+def command(
+    ctx: click.Context,
+    kind: str,
+    parameters: tuple[str, ...],
+    output: Path,
+    width: float,
+    height: float,
+    bare: bool,
+    **given: Any,
+) -> None:
     """Draw a figure of a run or of a problem, as SVG, PNG or PDF: `cpbench plot profile my.sqlite -o profile.svg`.
 
-    `cpbench plot KIND --help` has the options of a kind.
+    `cpbench plot KIND --help` has the parameters of a kind.
     """
     from cpbench.report import canvas, run_canvas
 
     canvas.require_suffix(output)
     before = [output] if output.exists() else []
     chosen: FigureKind = ctx.meta["kind"]
-    own = {name: given.pop(name) for name in chosen.options}
+    of_runs = _draws_runs(kind)
+    for name in OF_PROBLEM if of_runs else OF_ROWS:
+        if given.pop(name):
+            raise click.UsageError(f"--{name}: a figure of {'runs' if of_runs else 'problems'} has no such choice")
+    own, settings = _parameters(chosen, parameters)
     column = canvas.narrow(width)
-    with run_canvas.drawing() if _draws_runs(kind) else canvas.drawing():
-        drawn = _drawn_run(chosen, own, **given) if _draws_runs(kind) else _drawn_problem(chosen, own, **given)
+    with run_canvas.drawing() if of_runs else canvas.drawing():
+        drawn = _drawn_run(chosen, own, **settings, **given) if of_runs else _drawn_problem(chosen, own, **given)
         canvas.resize(drawn.figure, width, height)
     with canvas.drawing():
         canvas.write(drawn, output, bare=bare, guide=not column)
@@ -168,7 +164,6 @@ def _drawn_run(
     kind: FigureKind,
     own: Mapping[str, Any],
     file: str | None,
-    only: tuple[str, ...],
     tolerance: float | None,
     publishable: bool,
     **chosen: Any,
@@ -179,11 +174,6 @@ def _drawn_run(
     from cpbench.report.chosen import Choice
     from cpbench.report.run import assembled
 
-    for text in only:
-        name, _, value = text.partition("=")
-        if name not in SETTINGS:
-            raise UnknownName("name in --only NAME=VALUE", name, SETTINGS)
-        chosen[name] = value
     choice = Choice(**chosen, tolerance=math.nan if tolerance is None else tolerance)
     with Store(_required(file, "RESULTS")) as store:
         table, histories = RunTable.of(store.table(), store.meta()), history.table(store.histories())
@@ -200,9 +190,9 @@ def _required(file: str | None, what: str) -> Path:
 def _drawn_problem(
     kind: FigureKind,
     own: Mapping[str, Any],
-    file: str | None = None,
-    file_format: str | None = None,
-    answer: Path | None = None,
+    file: str | None,
+    file_format: str | None,
+    answer: Path | None,
 ) -> Drawing:
     from cpbench import storage
 
@@ -210,9 +200,10 @@ def _drawn_problem(
         _required(file, "FILE")
     problem = None if file is None else storage.load(file, format=file_format)
     point = None
+    if answer is not None and (problem is None or kind.answer == "none"):
+        raise click.UsageError(f"--answer: {'give its FILE too' if problem is None else f'{kind.name} shows none'}")
     if problem is None:
-        if answer is not None:
-            raise click.UsageError("--answer is of a problem: give its FILE too")
+        pass
     elif answer is not None:
         point = storage.load_answer(answer, problem)
     elif kind.answer != "none":

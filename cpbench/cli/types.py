@@ -1,4 +1,4 @@
-"""Types of the values that commands take: durations, lengths, sizes, facet counts, problems, lists."""
+"""Types of the values that commands take: durations, lengths, sizes, problems, lists."""
 
 from __future__ import annotations
 
@@ -77,11 +77,6 @@ LENGTH = Parsed("length", _length, "is not a length: write 3.5in, 89mm or 8.9cm"
 """`3.5in`, `89mm` or `8.9cm`, in inches."""
 ADDRESS = Parsed("problem", _located)
 """A file, FILE::NAME, or one of the built-in problems, `builtin/lcp/american-put.h5::american-put-100`."""
-FACET_LIST = Parsed(
-    "numbers",
-    lambda text: tuple(quantities.facet_count(int(part)) for part in text.split(",")),
-    "is not a list of numbers; write 8 or 8,16",
-)
 SETTINGS = Parsed("settings", lambda text: tuple(map(_setting, text.split(","))), "is not NAME=VALUE, as in nu=0.5")
 """`nu=0.5` or `nu=0.5,dt=1e-3`: names and numbers."""
 NAMES = Parsed("names", lambda text: tuple(split_brackets(text, ",")))

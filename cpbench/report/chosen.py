@@ -133,7 +133,7 @@ def _one_of(rows: pd.DataFrame, field: str, wanted: str, field_name: str) -> pd.
     if len(known) > 1:
         sizes = rows["fingerprint"].groupby(values).nunique()
         shown = ", ".join(f"{value or '(none)'} ({counted(int(sizes[value]), 'problem')})" for value in known)
-        flag = "--node" if field == "node" else f"--only {field}=VALUE"
+        flag = "--node" if field == "node" else f"-p {field}=VALUE"
         raise CpbenchError(f"the results have {len(known)} {field_name}: choose one with {flag}: {shown}")
     return rows
 

@@ -33,7 +33,7 @@ FLOOR = 1e-3
 def draw(problem: Problem, point: Point, *, tolerance: float = 1e-6) -> Drawing:
     """Draw a column of two panels for each kind of pair."""
     if not 0 < tolerance < 1:
-        raise CpbenchError(f"--tolerance {tolerance:g}: is a share, between 0 and 1")
+        raise CpbenchError(f"tolerance {tolerance:g}: is a share, between 0 and 1")
     found = active_set(problem, point, tolerance)
     if not found:
         raise NotApplicable("active-set", f"this {problem.node} has no inequality: nothing is complementary")

@@ -48,7 +48,7 @@ VIEWS = ("xy", "xz", "yz")
 def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1e-6) -> Drawing:
     """Draw a map of the contacts where there are positions, else the disk."""
     if view not in ("", *VIEWS):
-        raise CpbenchError(f"--view {view}: is one of {', '.join(VIEWS)}")
+        raise CpbenchError(f"view {view}: is one of {', '.join(VIEWS)}")
     states = contact_states(problem, point, tolerance)
     assert isinstance(problem, ContactProblem)
     if not problem.nc:
@@ -60,7 +60,7 @@ def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1
     if problem.contacts is not None and placed:
         guide = _map(figure, problem.contacts, states, view)
     elif view:
-        raise NotApplicable("contact", f"--view {view}: the file has no positions and frames of contacts")
+        raise NotApplicable("contact", f"view {view}: the file has no positions and frames of contacts")
     elif states.share.shape[1] == 2:
         guide = _disk(figure, states)
     else:

@@ -179,7 +179,7 @@ def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> N
     some_by_day(
         [
             (["profile", "FILE", "-o", "x.bmp"], "unknown suffix '.bmp'"),
-            (["profile", "FILE", "-o", "x.svg", "--metric", "timee"], "unknown metric 'timee': did you mean time"),
+            (["profile", "FILE", "-o", "x.svg", "-p", "metric=timee"], "unknown metric 'timee': did you mean time"),
             (["profile", "FILE", "-o", "x.svg", "--solver", "nobody"], "unknown solver of the results 'nobody'"),
             (["profile", "FILE", "-o", "x.svg", "--node", "fc"], "unknown formulation 'fc'"),
             (["profile", "FILE", "-o", "x.svg", "--family", "x*"], "unknown family 'x\\*'"),

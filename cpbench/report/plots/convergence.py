@@ -1,7 +1,7 @@
 """Convergence on one problem: the error of every kept iterate, as cpbench judges it, against time.
 
-Needs a run with --history; --name names the problem where there are several, --reported adds what the solver says of
-its own iterates.
+Needs a run with --history; -p name=NAME names the problem where there are several, -p reported=true adds what
+the solver says of its own iterates.
 """
 
 from __future__ import annotations

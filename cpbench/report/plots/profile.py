@@ -1,6 +1,6 @@
 """Performance profile: the fraction of problems solved within τ times the least cost.
 
-`cpbench plot profile RESULTS --node lcp -o profile.svg` draws the times; --metric takes what else
+`cpbench plot profile RESULTS --node lcp -o profile.svg` draws the times; -p metric=NAME takes what else
 was counted.
 """
 

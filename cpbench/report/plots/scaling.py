@@ -1,7 +1,7 @@
 """Time against size: every problem of a solver, with the power law that fits them.
 
-A panel a solver, the leading ones; --size names the dimension (default: the one that varies most). Problems that were
-stopped at the limit are drawn as open triangles, and take no part in the fit.
+A panel a solver, the leading ones; -p size=NAME names the dimension (default: the one that varies most). Problems
+that were stopped at the limit are drawn as open triangles, and take no part in the fit.
 """
 
 from __future__ import annotations
