@@ -34,7 +34,7 @@ def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[s
 
 
 COMMANDS = (
-    "run", "solve", "convert", "verify", "info", "show", "plot", "graph", "list", "report", "compare", "results",
+    "run", "solve", "convert", "verify", "info", "plot", "graph", "list", "report", "compare", "results",
     "collection", "new", "check", "doctor",
 )  # fmt: skip
 PLUGIN = "--plugin"

@@ -1,4 +1,4 @@
-"""Show the contents of a problem file, and measured facts about its matrices."""
+"""Show the contents of problem files: sizes, facts about their matrices, equations and data."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ from cpbench.foundation import extensions, matrices
 from cpbench.foundation.text import counted, printable, some_of, summary
 from cpbench.generators.collection import address_text
 from cpbench.graph import Apply
+from cpbench.report import show
 from cpbench.storage.base import split_address
 
 MANY, LISTED = 3, 60
@@ -46,9 +47,12 @@ _KNOWN = {"id": "ids", "bodies": "bodies", "position": "positions", "frame": "fr
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=ADDRESS)
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
+@click.option("--data", is_flag=True, help="Show equations and data instead: numbers of a small problem, else blocks.")
 @format_option
-def command(files: tuple[str, ...], measure: bool, file_format: str | None) -> None:
+def command(files: tuple[str, ...], measure: bool, data: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
+
+    With --data, show the equations of each problem, those of the conversions that made it, and its data.
 
     More than three problems get one line each, more than sixty a line for each formulation and family; problems that
     are there twice are named. A problem that cannot be read does not stop the others. For a results file the command
@@ -58,17 +62,20 @@ def command(files: tuple[str, ...], measure: bool, file_format: str | None) -> N
     """
     if any(map(is_results_file, files)):
         first, *others = files
-        if file_format or others:
+        if file_format or others or data:
             raise click.UsageError("a results file stands alone, without options; its rows: cpbench results export")
         print_results(first)
         return
     addresses = storage.problem_files(files) or list(files)
-    if len(addresses) > MANY:
+    if len(addresses) > MANY and not data:
         _print_many(files, addresses, file_format)
         return
     known = measure and "facts" in extensions.added(extensions.HOOKS)
     for address in addresses:
         problem = storage.load(address, format=file_format)
+        if data:
+            click.echo(show.text(problem))
+            continue
         facts = extensions.hook("facts")(problem) if known else ()
         print_lines(_lines(address, problem, facts, len(storage.guesses(address))))
 
@@ -192,7 +199,7 @@ def _lines(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0
     for symbol, size in problem.sizes().items():
         yield f"  {symbol:<12} {size}"
     for name, value in problem.data().items():
-        yield f"  {name:<12} {_describe(value)}"
+        yield f"  {name:<12} {show.sized(show.shape(problem, name), value)}, {show.entries(value)}"
     for name, F in problem.maps().items():
         yield f"  {name:<12} map {F.rows}x{F.inputs}, {F.operations} operations, {F.constants.size} constants"
         yield f"  {'':<12} {_derivative_line(F)}"
@@ -209,9 +216,7 @@ def _lines(address: str, problem: Problem, facts: Sequence[Any], starts: int = 0
     if isinstance(problem, ContactProblem):
         yield from _contact_lines(problem)
     for step in problem.provenance:
-        parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
-        origin = f"from {step.source_node} {step.source}"
-        yield f"  made by      {step.conversion}({parameters}), {step.kind}, {origin}"
+        yield f"  made by      {show.history(step)[0].removeprefix('made by ')}"
     for fact in facts:
         yield f"  fact         {fact}"
 
@@ -242,11 +247,3 @@ def _short(value: Any) -> Any:
     if not isinstance(value, (list, tuple)) or len(value) <= SHOWN:
         return value
     return f"{', '.join(map(str, value[:SHOWN]))}, ... ({len(value)})"
-
-
-def _describe(value: matrices.Matrix | matrices.Vector) -> str:
-    if value.ndim == 1:
-        return f"vector of {value.size}, max |.| {matrices.max_abs(value):.3g}"
-    rows, cols = value.shape
-    storage_kind = "sparse" if matrices.is_sparse(value) else "dense"
-    return f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {matrices.max_abs(value):.3g}"

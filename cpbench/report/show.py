@@ -28,7 +28,7 @@ PICTURE = 48
 
 
 def text(problem: Problem) -> str:
-    """Return everything `cpbench show` prints of a problem."""
+    """Return everything `cpbench info --data` prints of a problem."""
     lines = [f"{problem.node}: {problem.title}", f"equation: {problem.equation} (numbers of Acary's lecture)"]
     if problem.name:
         lines.append(f"name: {one_line(problem.name)}")
@@ -49,7 +49,7 @@ def text(problem: Problem) -> str:
 
 
 def problem_html(problem: Problem) -> str:
-    """Return what `cpbench show` prints, the law above the rest, which keeps its columns."""
+    """Return what `cpbench info --data` prints, the law above the rest, which keeps its columns."""
     head = escape(f"{problem.name or problem.node}: {problem.title}")
     # dots and frame are aligned where one font has both
     style = "line-height:1.15;font-family:DejaVu Sans Mono,monospace"

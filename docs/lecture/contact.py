@@ -120,7 +120,7 @@ def _frictionless() -> tuple[Block, ...]:
             (
                 "cpbench solve problems.h5::dumbbell --solver nsgs",
                 "cpbench convert problems.h5::dumbbell dumbbell-local.h5 --to fc",
-                "cpbench show dumbbell-local.h5",
+                "cpbench info dumbbell-local.h5 --data",
                 "cpbench solve problems.h5::frictionless --solver lemke",
             )
         ),

@@ -163,7 +163,7 @@ def _solve() -> tuple[Block, ...]:
         text("Registered for this formulation: «all».", all=registered("qp")),
         Try(
             (
-                "cpbench show problems.h5::qp",
+                "cpbench info problems.h5::qp --data",
                 "cpbench solve problems.h5::qp --solver daqp",
                 "cpbench convert problems.h5::qp qp-as-mlcp.h5 --to mlcp",
                 "cpbench graph problems.h5::qp --to lcp",

@@ -462,7 +462,7 @@ def test_what_is_built_in_goes_for_a_file_everywhere(
     assert cpbench(monkeypatch, "list", "problems") == 0
     address = "builtin/lcp/lcp-classics.h5::murty-10"
     assert address in capsys.readouterr().out.splitlines()
-    for command in (["info", "--no-facts"], ["show"], ["graph", "--to", "qp"], ["convert", "--to", "mlcp"]):
+    for command in (["info", "--no-facts"], ["info", "--data"], ["graph", "--to", "qp"], ["convert", "--to", "mlcp"]):
         name, *options = command
         out = ["out.h5"] if name == "convert" else []
         assert cpbench(monkeypatch, name, address, *out, *options) == 0

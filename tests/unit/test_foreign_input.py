@@ -68,7 +68,7 @@ def test_indices_that_point_outside_their_matrix_are_refused(tmp_path: Path) -> 
         storage.load(path)
 
 
-@pytest.mark.parametrize("command", some_by_day(["info", "show", "convert", "solve", "verify"], 2))
+@pytest.mark.parametrize("command", some_by_day(["info", "convert", "solve", "verify"], 2))
 def test_pipes_and_devices_are_refused(monkeypatch, capsys, tmp_path, command) -> None:
     """At once: opening a pipe that nobody writes waits for ever, /dev/zero has no end."""
     os.mkfifo(tmp_path / "f.h5")

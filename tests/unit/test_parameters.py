@@ -184,8 +184,8 @@ def test_show_info_and_convert_set(tmp_path: Path) -> None:
 
     mine, other, back = tmp_path / "mine.h5", tmp_path / "other.mof.json", tmp_path / "back.h5"
     storage.save(_ncp(), mine)
-    assert "F1 = exp(z1) - nu" in said("show", mine)
-    assert "parameters: nu = 2" in said("show", mine)
+    assert "F1 = exp(z1) - nu" in said("info", mine, "--data")
+    assert "parameters: nu = 2" in said("info", mine, "--data")
     assert "parameter    nu = 2" in said("info", mine)
     said("convert", mine, other, "--set", "nu=5")
     said("convert", other, back)

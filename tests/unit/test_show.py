@@ -1,4 +1,4 @@
-"""What `cpbench show` prints: numbers, structure, laws and history."""
+"""What `cpbench info --data` prints: numbers, structure, laws and history."""
 
 from __future__ import annotations
 
@@ -138,7 +138,8 @@ def test_every_law_is_declared() -> None:
 def test_facets_say_the_angle_to_expect(tmp_path: Path, facets: int) -> None:
     path = tmp_path / "contact.h5"
     storage.save(contact(2), path)
-    said = run("show", path, "--via", f"fc-lcp-inner[facets={facets}]")
+    run("convert", path, tmp_path / "faceted.h5", "--via", f"fc-lcp-inner[facets={facets}]")
+    said = run("info", tmp_path / "faceted.h5", "--data")
     assert said.startswith("lcp: ")
     assert "(47)-(48), approximate, from fc" in said
     assert f"180°/{facets} = {180 / facets:.4g}°" in said
@@ -149,12 +150,12 @@ def test_facets_say_the_angle_to_expect(tmp_path: Path, facets: int) -> None:
 def test_a_problem_is_shown_as_another(tmp_path: Path) -> None:
     path = tmp_path / "lcp.h5"
     storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu"), path)
-    said = run("show", path, "--as", "qp")
+    run("convert", path, tmp_path / "qp.h5", "--to", "qp")
+    said = run("info", tmp_path / "qp.h5", "--data")
     assert said.startswith("qp: quadratic program")
     assert "made by lcp-qp, (1), equivalent, from lcp" in said
     assert "Source" in said
     assert "Lift" in said
-    assert run("show", path) == run("show", path, "--as", "lcp")
 
 
 def test_a_conversion_that_is_not_installed_is_named(tmp_path: Path) -> None:

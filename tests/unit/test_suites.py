@@ -215,7 +215,6 @@ def test_a_run_ends_with_the_answer_and_info_says_it_again(folder: Path) -> None
     assert said.rstrip().endswith("1 pair: 1 solved\nresults: run.sqlite")
     answer = said[: said.index("\n1 pair:")]
     assert _run("info", "run.sqlite") == answer
-    assert _run("show", "run.sqlite") == answer
     named = _run("run", "p.h5", "-s", "mprgp", "--no-report", "-q")
     assert "2 pairs: 1 solved, 1 unsupported" in named
     assert "no route" not in named
