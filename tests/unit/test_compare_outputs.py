@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 import sqlite3
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import pandas as pd
 import pytest
@@ -21,26 +19,9 @@ from cpbench.analysis.comparison import ComparisonSide, compare
 from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
-from cpbench.report.comparison import junit, markdown
+from cpbench.report.comparison import markdown
 
 NAMES = (*PLANNED, *MEASURED)
-ATTRIBUTES = {
-    "testsuites": {"name", "tests", "failures", "errors", "time"},
-    "testsuite": {"name", "tests", "failures", "errors", "skipped", "time"},
-    "testcase": {"name", "classname", "time"},
-    "failure": {"message", "type"},
-    "skipped": {"message"},
-    "system-out": set(),
-}
-CHILDREN = {
-    "testsuites": {"testsuite"},
-    "testsuite": {"testcase"},
-    "testcase": {"failure", "skipped", "system-out"},
-    "failure": set(),
-    "skipped": set(),
-    "system-out": set(),
-}
-"""What the schemas of Jenkins (junit-10.xsd) and of JUnit 5 (jenkins-junit.xsd) both know, of what is written here."""
 Make = Callable[..., Path]
 
 
@@ -232,7 +213,7 @@ def found():
 
 def test_all_forms_are_written(made: Make, cpbench, tmp_path: Path) -> None:
     files = made("base.sqlite", suite(labels=4)), made("new.sqlite", suite(labels=4, seed=2))
-    paths = [tmp_path / f"out.{suffix}" for suffix in ("md", "json", "xml")]
+    paths = [tmp_path / f"out.{suffix}" for suffix in ("md", "json")]
     code, _, err = cpbench(*files, *(word for path in paths for word in ("-o", path)))
     assert code == 0, err
     assert all(path.stat().st_size > 1000 for path in paths)
@@ -266,42 +247,6 @@ def test_names_cannot_become_markup() -> None:
     assert "<b>" not in re.sub(r"(`+) .*? \1", "", told), "but in code spans"
     assert "\n# h" not in told
     assert len({line.count("|") - line.count("\\|") for line in told.splitlines() if line.startswith("| p |")}) == 1
-    ElementTree.fromstring(junit.document(pair))
-
-
-def test_junit_is_what_test_reports_read(found) -> None:
-    root = ElementTree.fromstring(junit.document(found))
-    assert root.tag == "testsuites"
-    for element in root.iter():
-        assert set(element.keys()) <= ATTRIBUTES[element.tag], element.tag
-        assert {child.tag for child in element} <= CHILDREN[element.tag], element.tag
-        if element.tag == "testcase":
-            assert len(element) <= 1
-    for part in root:
-        cases = part.findall("testcase")
-        assert int(part.attrib["tests"]) == len(cases)
-        assert int(part.attrib["failures"]) == len(part.findall("testcase/failure"))
-        assert int(part.attrib["skipped"]) == len(part.findall("testcase/skipped"))
-        assert float(part.attrib["time"]) == pytest.approx(sum(float(c.attrib["time"]) for c in cases), abs=1e-3)
-        names = [case.attrib["name"] for case in cases]
-        assert len(set(names)) == len(names)
-        assert all(math.isfinite(float(case.attrib["time"])) for case in cases)
-    for total in ("tests", "failures", "errors"):
-        assert int(root.attrib[total]) == sum(int(part.attrib[total]) for part in root)
-    verdicts = found.pairs["verdict"].value_counts()
-    whole = [s.time for s in found.suites]
-    assert int(root.attrib["failures"]) == verdicts["regressed"] + whole.count("regressed")
-    assert len(root.findall("testsuite/testcase/skipped")) == verdicts["inconclusive"] + whole.count("inconclusive")
-    assert {f.attrib["type"] for f in root.iter("failure")} >= {"crash", "wrong", "time"}
-    before = [e.text or "" for e in root.iter("system-out")]
-    assert any(text.startswith("wrong, as before") for text in before)
-
-
-def test_problems_with_one_name_have_names_of_their_own_in_junit() -> None:
-    rows = [row("p", "s", "solved", key=str(t), tolerance=t) for t in (1e-4, 1e-6)]
-    pair = compare(ComparisonSide("a", pd.DataFrame(rows)), ComparisonSide("b", pd.DataFrame(rows)))
-    names = [c.attrib["name"] for c in ElementTree.fromstring(junit.document(pair)).iter("testcase")]
-    assert names == ["p tolerance=1e-06", "p tolerance=0.0001"] or names == ["p tolerance=0.0001", "p tolerance=1e-06"]
 
 
 def test_a_restriction_on_publishing_is_reported() -> None:

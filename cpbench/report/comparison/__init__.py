@@ -1,4 +1,4 @@
-"""Results of a comparison, written for a terminal, a CI summary, a test report and programs."""
+"""Results of a comparison, written for a terminal, a CI summary and programs."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 
 from cpbench.analysis.comparison import Comparison
 from cpbench.errors import FormatError
-from cpbench.report.comparison import json_file, junit, markdown
+from cpbench.report.comparison import json_file, markdown
 
-_WRITERS = {".md": markdown.document, ".xml": junit.document, ".json": json_file.document}
+_WRITERS = {".md": markdown.document, ".json": json_file.document}
 
 
 def write(comparison: Comparison, path: Path) -> None:

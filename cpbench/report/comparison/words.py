@@ -1,4 +1,4 @@
-"""Sentences that the terminal, Markdown and JUnit share; what they quote is still to be escaped."""
+"""Sentences that the terminal and Markdown share; what they quote is still to be escaped."""
 
 from __future__ import annotations
 

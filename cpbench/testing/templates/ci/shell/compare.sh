@@ -15,8 +15,7 @@
 #   --repeats N         solves of a pair that takes less than 1 s; default: 5
 #   --fail-on WORDS     findings for which the exit code is 1; default: regression,wrong,crash
 #   -o, --output FOLDER for summary.md, results.sqlite, variants.toml (the solver of this checkout, for commands that run
-#                       a pair again), NAME.json and NAME.xml (JUnit) of each solver;
-#                       default: cpbench-compare
+#                       a pair again) and NAME.json of each solver; default: cpbench-compare
 #
 #     compare.sh --comment NUMBER [-o FOLDER]                            after it, on GitHub: the summary as a comment
 #
@@ -99,7 +98,7 @@ cleared() { # a verdict leaves variants.toml too, which the commands of the summ
   [ -f "$output/summary.md" ] || { rm -f "$output/variants.toml"; rmdir "$output" 2> /dev/null || true; }
 }
 trap cleared EXIT
-rm -f "$output"/{summary.md,variants.toml,results.sqlite*,*.json,*.xml} # of an earlier comparison
+rm -f "$output"/{summary.md,variants.toml,results.sqlite*,*.json} # of an earlier comparison
 
 # ------------------------------------------------------------------------------------------------ both builds
 made() { # label, folder, commit
@@ -195,7 +194,7 @@ else
     one=0
     logged python3 -m cpbench compare "$work/results.sqlite" --a "$name@base" --b "$name@head" \
       --noise "$name@base,$name@again" ${fail_on:+--fail-on "$fail_on"} \
-      -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
+      -o "$work/$name.md" -o "$work/out/$name.json" || one=$?
     [ "$one" -le 1 ] || die "$name: the comparison ended with $one: $(last_words)"
     [ "$one" = 0 ] || code=1
     { echo; cat "$work/$name.md"; } >> "$work/out/summary.md"
