@@ -99,6 +99,7 @@ class ClarabelModel:
         }
         settings = clarabel.DefaultSettings()
         settings.verbose = False
+        settings.max_threads = 1
         settings.presolve_enable = False  # it would forbid another q
         for name, value in self.stopping(budget.tolerance).settings.items():
             setattr(settings, name, value)

@@ -26,6 +26,8 @@ DENSE_LIMIT = 4000
 """Most unknowns that a backend with dense storage is given."""
 DENSE_BYTES = 0.5e9
 """Most memory that its matrices may take."""
+HEAVY = "jax"
+"""What backends of qpsolvers import, for more than a second, of which none is a solver here."""
 EIGENVALUE_LIMIT = 1000
 """Most unknowns for which a refusal also computes the least eigenvalue (O(n³), about 0.1 s at 1000)."""
 
@@ -186,10 +188,15 @@ def _import_qpsolvers() -> None:
     and a deprecated one would break every other backend where warnings are errors."""
     if "qpsolvers" in sys.modules:
         return
+    hidden = HEAVY not in sys.modules
+    if hidden:
+        sys.modules[HEAVY] = None  # type: ignore[assignment]  (an import of it fails, as if it were not installed)
     # ImportError: `probe` says what is missing
     with warnings.catch_warnings(), contextlib.suppress(ImportError):
         warnings.simplefilter("ignore")
         importlib.import_module("qpsolvers")
+    if hidden:
+        del sys.modules[HEAVY]
 
 
 def _least_eigenvalue(Q: Matrix) -> str:

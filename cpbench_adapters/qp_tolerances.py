@@ -126,10 +126,11 @@ def _proofs(primal: str, dual: str, e: float) -> Settings:
 
 def _clarabel(budget: Budget) -> Settings:
     """Return residuals relative to max(1, norms of data and iterates), gap absolute or relative: a tenth of ε, at the
-    price of one more iteration of the quadratic end phase."""
+    price of one more iteration of the quadratic end phase. One thread: of more than a few thousand entries it would
+    start another."""
     e = 0.1 * budget.tolerance
     return (
-        {"tol_feas": e, "tol_gap_abs": e, "tol_gap_rel": e}
+        {"tol_feas": e, "tol_gap_abs": e, "tol_gap_rel": e, "max_threads": 1}
         | _proofs("tol_infeas_abs", "tol_infeas_rel", e)
         | _limits(budget, "max_iter", 200, "time_limit")
     )
