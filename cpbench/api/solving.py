@@ -12,7 +12,7 @@ from cpbench.api.solution import Solution
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
 from cpbench.bench.planning.plan import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
-from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
+from cpbench.errors import Ended, NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.programs import NLP
 from cpbench.foundation.text import read_brackets, some_of
@@ -207,7 +207,8 @@ def _judged(
     except (NotApplicable, Unavailable):
         raise
     except Exception as error:
-        status = Status.MEMOUT if isinstance(error, MemoryError) else Status.ERROR
+        causes = {MemoryError: Status.MEMOUT, Ended: Status.CRASH}
+        status = next((status for kind, status in causes.items() if isinstance(error, kind)), Status.ERROR)
         message = f"{type(error).__name__}: {error}"
         broken = ended(status=status, verdict=verification.no_answer(tolerance), seconds=spent, message=message)
         return broken, broken.error

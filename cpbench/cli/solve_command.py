@@ -72,11 +72,9 @@ def command(timeout: float, memory: int, threads: int, as_json: bool, file_forma
         os.environ[variable] = str(threads)
     with uncollected():
         from cpbench.bench.planning.plan import Limits
-        from cpbench.cli.solve_process import SolveRequest, own, solve_alone, solve_apart
-
-        ours = own(given["solver"])
+        from cpbench.cli.solve_process import SolveRequest, solve_alone
     asked = SolveRequest(**given, limits=Limits(timeout, memory, threads, repeats=1), format=file_format)
-    told = (solve_alone if ours else solve_apart)(asked, _say_compiling)
+    told = solve_alone(asked, _say_compiling)
     for line in [json.dumps(told["record"])] if as_json else told["lines"]:
         click.echo(line)
     if asked.output is not None and not told["written"]:

@@ -1,5 +1,4 @@
-"""The solve of one problem of a file: by a solver of cpbench as `cpbench.solve` does, in a process of its own with
-limits; by a solver of others in processes of their own, as a run does.
+"""The solve of one problem of a file as `cpbench.solve` does it, in a process of its own with limits.
 
 What a solve loads or compiles is off the clock, and counts as no memory of it.
 """
@@ -7,7 +6,6 @@ What a solve loads or compiles is off the clock, and counts as no memory of it.
 from __future__ import annotations
 
 import json
-import shlex
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -20,9 +18,8 @@ from cpbench.api.solving import JUDGE, Way, advised, solve_there, way_to
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.places import located
-from cpbench.bench.planning.plan import AUTO
 from cpbench.bench.processes.alone import FIRST, OFF, SOLVE, Stopped, Work, run_alone
-from cpbench.bench.results.rows import Outcome, unpack_answer
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP
 from cpbench.cli.answered import Answered
 from cpbench.conversions.base import Conversion
@@ -30,10 +27,10 @@ from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation import kernel_cache
 from cpbench.foundation.extensions import hook
-from cpbench.foundation.text import read_brackets
-from cpbench.generators.collection import address_text, builtin_folder
+from cpbench.generators.collection import builtin_folder
 from cpbench.solvers import clock, warming
-from cpbench.solvers.base import Trait, solvers
+from cpbench.solvers.base import Trait
+from cpbench.solvers.external import folder
 from cpbench.storage.base import require_new
 from cpbench.verification import Status
 
@@ -44,7 +41,7 @@ class SolveRequest:
 
     Attributes
     ----------
-    address : of the problem. solver : a name with options, or AUTO. every : whether all solutions are asked for.
+    address : of the problem. solver : a name with options, or auto. every : whether all solutions are asked for.
     via : conversions to go through. routes : exact, or all. start : where the solver begins.
     tolerance : the largest error of an answer that counts as solved. limits : of the solve.
     output, force : the file for the answer, and whether it may be there. verbose : whether all lines are shown.
@@ -62,12 +59,6 @@ class SolveRequest:
     output: Path | None
     force: bool
     verbose: bool
-
-
-def own(solver: str) -> bool:
-    """Return whether a solver is one of cpbench's own, to which a process is left; raises UnknownName."""
-    name = read_brackets("solver", solver)[0]
-    return name == AUTO or solvers.get(name).origin == "native"
 
 
 def reply(asked: SolveRequest, answered: Answered) -> dict[str, Any]:
@@ -95,6 +86,8 @@ def solve_alone(asked: SolveRequest, on_compiling: Callable[[str], None]) -> dic
         found = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, on_note)
     except Stopped as stopped:
         found = _stopped(stopped, seconds, limits)
+    finally:
+        folder.remove_abandoned()  # files that it had written for a program of its own
     if "refused" in found:
         raise CpbenchError(found["refused"])
     if "status" not in found:
@@ -209,48 +202,3 @@ def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answe
     )
     asked = address, problem.name, problem.node, solution.solver, solution.tolerance
     return Answered(*asked, outcome, problem, solution.point)
-
-
-def solve_apart(asked: SolveRequest, on_compiling: Callable[[str], None]) -> dict[str, Any]:
-    """Solve as asked by one solver of others, in processes that are stopped at the limits; return what `reply` does.
-
-    Raises NoRoute where no route leads to the solver, UnknownName, CpbenchError on a start that needs several solves.
-    """
-    from cpbench.bench.events import Compiling
-    from cpbench.bench.slot import Slot
-    from cpbench.bench.worker_pool import Setting
-
-    if asked.output is not None:
-        require_new(asked.output, asked.force)
-    address, limits, entry = located(asked.address, builtin_folder), asked.limits, plan.parse_entry(asked.solver)
-    policy = starts.one_start(asked.start)
-    if asked.via:
-        requests = [plan.pinned(asked.via)]
-    else:
-        requests = [plan.exact(), *(plan.requests("all", ())[1:] if asked.routes == "all" else [])]
-    node = solvers.get(entry.solver).spec.node  # no other one is looked for
-    requests = [replace(request, nodes=(node,)) for request in requests if node in (request.nodes or (node,))]
-    with Slot(Setting(limits.threads, limits.memory)) as slot:
-        slot.workers.begin(entry.solver, limits.memory)
-        survey = slot.survey(address, requests, asked.format, limits.seconds)
-        relaxed = asked.routes == "all" or not asked.via
-        pairs = plan.pairs([survey], [entry], requests, asked.tolerance, limits, relaxations=relaxed, start=str(policy))
-        if not pairs:
-            raise NoRoute(
-                f"no {asked.routes} route from {survey.node} to {asked.solver}; see: cpbench graph "
-                f"{shlex.quote(address)} --explain"
-            )
-        pair, prepared = pairs[0], slot.prepare(pairs[0])
-
-        def on_event(event: Any) -> None:
-            if isinstance(event, Compiling):
-                on_compiling(event.solver)
-
-        slot.start({pair.entry.solver: limits}, on_event)
-        outcome = slot.run(pair, prepared)
-    answered = Answered(address_text(address), pair.problem, pair.node, pair.label, pair.tolerance, outcome)
-    if outcome.answer is not None:
-        problem = storage.load(address, format=pair.format)
-        point = problem.point_from_vector(unpack_answer(outcome.answer))
-        answered = replace(answered, problem=problem, point=point)
-    return reply(asked, answered)

@@ -17,8 +17,7 @@ from cpbench.analysis.contact_table import contact_table
 from cpbench.bench.planning import grids
 from cpbench.bench.planning.plan import all_automatic, nearest_automatic
 from cpbench.cli.answered import WORDS, status_text
-from cpbench.cli.solve_process import own
-from cpbench.errors import CpbenchError, NoRoute, UnknownName
+from cpbench.errors import CpbenchError, NoRoute
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact
 from cpbench.verification import Status
 
@@ -215,20 +214,25 @@ def test_the_memory_of_a_solve_is_limited(tmp_path: Path) -> None:
     assert done.returncode == 1
 
 
-@pytest.mark.needs("cpbench_solvers")
-def test_only_solvers_of_cpbench_are_in_the_process_that_judges() -> None:
-    assert all(map(own, ("auto", "lemke", "nsgs[omega=1.2]", "auto-qp")))
-    assert not any(map(own, ("siconos-fc3d-nsgs", "casadi-ipopt-nlp")))
-    with pytest.raises(UnknownName):
-        own("no-such-solver")
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_a_solver_of_others_has_processes_of_its_own(tmp_path: Path) -> None:
+def test_a_solver_of_others_is_limited_alike(tmp_path: Path) -> None:
     pytest.importorskip("osqp", reason="needs a package: osqp")
     name = saved(tmp_path, QP.build(Q=[[1.0]], p=[-3.0], lb=[0.0], ub=[1.0], name="bounded"))
     row = json.loads(command(tmp_path, "solve", name, "-s", "osqp", "--json").stdout)
-    assert (row["solver"], row["status"], row["repeats"]) == ("osqp", "solved", 1)
+    assert (row["solver"], row["status"], row["route"]) == ("osqp", "solved", "direct")
+
+
+@pytest.mark.parametrize(
+    ("work", "status"), [("import time; time.sleep(60)", "timeout"), ("import os; os.kill(os.getpid(), 9)", "crash")]
+)
+def test_a_plugin_that_hangs_or_dies_is_stopped(tmp_path: Path, work: str, status: str) -> None:
+    (tmp_path / "bad.py").write_text(
+        "from cpbench.solvers.base import Solver, SolverSpec, register\n\n\n@register\nclass Bad(Solver):\n"
+        "    spec = SolverSpec(name='bad', node='lcp', summary='bad', method='none')\n\n"
+        f"    def solve(self, problem, budget, options, start=None):\n        {work}\n"
+    )
+    name = saved(tmp_path, LCP(M=np.eye(2), q=[-1.0, 1.0], name="small"))
+    done = command(tmp_path, "solve", name, "-s", "bad", "--plugin", "bad.py", "--timeout", "1s", "--json")
+    assert (json.loads(done.stdout)["status"], done.returncode) == (status, 1)
 
 
 @pytest.mark.needs("cpbench_solvers")
