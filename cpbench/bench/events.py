@@ -90,10 +90,10 @@ class Observer:
         yield from addresses
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
-        """Take note that a round begins: the first run of pending pairs, or a retry."""
+        """Take note that the pending pairs begin to run."""
 
     def progress(self, event: Event) -> None:
         """Take an event of the run."""
 
     def end(self) -> None:
-        """Take note that the round has ended, whatever the reason."""
+        """Take note that the pairs have ended, whatever the reason."""

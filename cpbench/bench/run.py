@@ -23,7 +23,7 @@ from cpbench.bench.events import Done, Event, EventHandler, Observer, ignore_eve
 from cpbench.bench.planning.assembly import Assembly, Reading, assemble
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
-from cpbench.bench.planning.selection import RERUN, RETRIED
+from cpbench.bench.planning.selection import RERUN
 from cpbench.bench.reference import NAME, Reference
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
@@ -144,10 +144,7 @@ def run_pending(
     observer: Observer,
     absent: Mapping[str, str] | None = None,
 ) -> None:
-    """Run the pending pairs, then retry those that crashed or timed out as often as the plan says. Pairs that cannot be
-    run are skipped, as are `absent` solvers (`skipped.settle`).
-    """
-    mine = store.pending() & {pair.key for pair in planned}
+    """Run the pending pairs; those that cannot be run are skipped, as are `absent` solvers (`skipped.settle`)."""
     versions: dict[str, str] = {}
 
     def on_event(event: Event) -> None:
@@ -156,17 +153,11 @@ def run_pending(
         observer.progress(event)
 
     try:
-        for attempt in range(1 + asked.retry):
-            # only rows of this command: those of earlier ones are retried when somebody asks for it
-            if attempt and not store.reset(RETRIED, mine):
-                break
-            _reset_followers(store, planned)
-            observer.begin(planned, store.pending())
-            try:
-                execute(executor, store, planned, asked.seed, on_event)
-            finally:
-                observer.end()
+        _reset_followers(store, planned)
+        observer.begin(planned, store.pending())
+        execute(executor, store, planned, asked.seed, on_event)
     finally:
+        observer.end()
         skipped.settle(store, planned, absent or {})
         store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
 

@@ -70,7 +70,7 @@ def _sets(assembly: Assembly) -> Iterator[str]:
 
 
 def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
-    """Return as text the longest time that the solves can take, with their repeats, histories and retries."""
+    """Return as text the longest time that the solves can take, with their repeats and histories."""
     if not todo:
         return "nothing"
     whole = 0.0
@@ -79,7 +79,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
         whole += (limit.seconds + GRACE) * (2 if _recorded(pair) else 1)
         whole += min(limit.repeat_below, limit.seconds) * (limit.repeats - 1)
     slots = f" with {asked.jobs} solves at a time" if asked.jobs > 1 else ""
-    longest = duration(whole * (1 + asked.retry) / asked.jobs)
+    longest = duration(whole / asked.jobs)
     return f"worst case {longest}{slots}, where every solve times out; conversions and judging come on top"
 
 

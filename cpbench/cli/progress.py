@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -86,11 +85,11 @@ def _spinner(text: str) -> Status:
 class Display(Observer):
     """Progress of a run on stderr; data never goes there, so that stdout can be piped.
 
-    A bar on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line.
+    A bar on a terminal, lines elsewhere, nothing when quiet.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
-        self._quiet, self._verbose = quiet, verbose
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet = quiet
         self._steps = Steps(quiet)
         self._bar: Any = None
         self._total = 0
@@ -115,7 +114,7 @@ class Display(Observer):
         before = len(planned) - self._total
         if not self._quiet:
             click.echo(f"{counted(len(planned), 'pair')}{f', {before} done before' if before else ''}", err=True)
-        if self._total and sys.stderr.isatty() and not self._quiet and not self._verbose:
+        if self._total and sys.stderr.isatty() and not self._quiet:
             self._begin_bar()
 
     def progress(self, event: Event) -> None:
@@ -136,8 +135,6 @@ class Display(Observer):
             self._count(event.outcome.status)
         if self._bar is not None and doing:
             self._bar.update(0, doing=on_one_line(doing))
-        if self._verbose:
-            print_lines([f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {event_line(event)}"], err=True)
 
     def end(self) -> None:
         if self._bar is not None:
@@ -170,24 +167,6 @@ class Display(Observer):
         )
         self._bar.add_task("", total=self._total, counts="", doing="")
         self._bar.start()
-
-
-def event_line(event: Event) -> str:
-    """Return an event of the run in one line."""
-    if isinstance(event, Starting):
-        return f"{'start':<12} {event.solver}"
-    if isinstance(event, Compiling):
-        return f"{'compiling':<12} {event.solver}"
-    if isinstance(event, Joined | Spent):
-        return on_one_line(f"{'cluster':<12} {event}")
-    named = f"{event.pair.address} {event.pair.label}"
-    if isinstance(event, Solving):
-        return on_one_line(f"{'solve':<12} {named}")
-    outcome = event.outcome
-    took = f", solve {outcome.solve:.3g} s" if outcome.solve is not None else ""
-    error = f", error {outcome.error:.2e}" if outcome.error is not None else ""
-    message = f": {' '.join(outcome.message.split())}" if outcome.message else ""
-    return on_one_line(f"{outcome.status:<12} {named}{error}{took}{message}")
 
 
 def compiling(solver: str) -> str:

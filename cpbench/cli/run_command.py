@@ -45,7 +45,6 @@ HELP = {
     "cluster": "Workers of a Dask scheduler, or to start: local, slurm, pbs.",
     "output": "Results file (SQLite).",
     "rerun": "Rows to run again; failed is everything but solved, stationary, infeasible and unsupported.",
-    "retry": "Number of times that a crash, timeout or memout is run again.",
     "keep": "Answers to keep.",
     "fail_on": "Statuses with which the command ends with 1, or contradiction: wrong,crash,...",
 }
@@ -65,8 +64,8 @@ SECTIONS = {
     "Accuracy": ["tolerance", "history"],
     "Limits": ["timeout", "memory", "repeats"],
     "Order and machines": ["seed", "jobs", "cluster"],
-    "Results": ["output", "rerun", "retry", "keep", "no_report", "fail_on"],
-    "Output": ["dry_run", "quiet", "verbose", "help"],
+    "Results": ["output", "rerun", "keep", "no_report", "fail_on"],
+    "Output": ["dry_run", "quiet", "help"],
 }
 EXAMPLES = (
     "cpbench run",
@@ -98,7 +97,6 @@ def setting_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("--dry-run", is_flag=True, help="Print what would be run, and how long at most; write nothing.")
 @quiet_option
-@click.option("-v", "--verbose", is_flag=True, help="Print a line for each event to stderr.")
 @click.pass_context
 def command(
     context: click.Context,
@@ -106,7 +104,6 @@ def command(
     no_report: bool,
     dry_run: bool,
     quiet: bool,
-    verbose: bool,
     **_: Any,
 ) -> None:
     """Run every reachable solver on every problem, judge every answer on the original problem, and report.
@@ -126,7 +123,7 @@ def command(
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(run_plan.suite_values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
-    display = Display(quiet, verbose)
+    display = Display(quiet)
     display.step("looking for problems")
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     try:

@@ -23,7 +23,7 @@ from cpbench.bench.judging import PROOF_SECONDS
 from cpbench.bench.messages import Judge, Judged, RefereeCase
 from cpbench.bench.planning import plan
 from cpbench.bench.referee import Referee
-from cpbench.bench.results.rows import Outcome, Planned
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.conversions import make
 from cpbench.formulations.base import Kind, Problem
@@ -175,7 +175,8 @@ def results_of(bench: Bench, folder: Path, rows: Mapping[str, tuple[np.ndarray, 
             told |= {name: getattr(bench.prepared, name) for name in ("route", "kind")}
             told |= {name: getattr(reply, name) for name in ("status", "error", "target_error")} | more
             told |= {"claim": claim, "flags": ",".join(reply.flags)}
-            store.put(Planned.of(pair), Outcome(**told, answer=reply.vectors["answer"]))
+            store.plan([pair])
+            store.finish(pair.key, Outcome(**told, answer=reply.vectors["answer"]))
     return path
 
 

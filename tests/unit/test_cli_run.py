@@ -164,11 +164,6 @@ def test_shards_make_up_the_whole(folder: Path) -> None:
     assert "2 pairs of 3 files: 2 solved" in done.stdout, done.stderr
 
 
-def test_a_crash_is_retried(folder: Path) -> None:
-    run(folder, "p2.h5", "-s", "flaky", "--retry", "2", "--no-report", "-o", "r.sqlite", plugin=True)
-    assert [(r["status"], r["attempts"]) for r in rows(folder / "r.sqlite")] == [("solved", 2)]
-
-
 def test_failures_end_with_1(folder: Path) -> None:
     path = folder / "r.sqlite"
     command = ("p2.h5", "p3.h5", "-s", "flaky", "-s", "liar", "--no-report", "-o", "r.sqlite")
@@ -188,11 +183,6 @@ def test_what_is_run_again(folder: Path) -> None:
     assert sorted((r["status"], r["attempts"]) for r in rows(path)) == [("solved", 2)] * 2 + [("wrong", 2)] * 2
     run(folder, *command, "--rerun", "timeouts", plugin=True)
     assert {r["attempts"] for r in rows(path)} == {2}
-    for met in folder.glob("met-*"):
-        met.unlink()
-    run(folder, *command[:-1], "new.sqlite", "--retry", "2", "--fail-on", "crash", plugin=True)
-    found = rows(folder / "new.sqlite")
-    assert sorted((r["status"], r["attempts"]) for r in found) == [("solved", 2)] * 2 + [("wrong", 1)] * 2
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -268,7 +258,6 @@ def _assembly(limits: Limits, problems: int = 3, solver: str = "lemke") -> Assem
         (Limits(0.5, repeats=5), RunPlan(), 3 * (0.5 + GRACE + 4 * 0.5)),
         (Limits(10.0, repeats=1), RunPlan(jobs=3), 10 + GRACE),
         (Limits(10.0, repeats=1, history=True), RunPlan(), 3 * (10 + GRACE)),  # lemke has none
-        (Limits(10.0, repeats=1), RunPlan(retry=1), 6 * (10 + GRACE)),
     ],
 )
 def test_the_bound_is_what_the_limits_allow(limits: Limits, asked: RunPlan, seconds: float) -> None:

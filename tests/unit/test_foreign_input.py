@@ -18,12 +18,9 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 from cpbench import storage
-from cpbench.bench.events import Done
-from cpbench.bench.messages import Surveyed
-from cpbench.bench.planning import plan, plan_file, quantities
+from cpbench.bench.planning import plan_file, quantities
 from cpbench.bench.processes import guard
-from cpbench.bench.results.rows import Outcome
-from cpbench.cli import main, progress
+from cpbench.cli import main
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations import LCP
 from cpbench.report import row_files
@@ -124,18 +121,6 @@ def test_no_cell_is_a_formula_and_no_control_character_is_left(tmp_path: Path) -
             assert cell.replace("\t", "").isprintable()
             if text.isprintable():
                 assert cell in (text, f"'{text}")
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_messages_reach_no_terminal_raw() -> None:
-    """The line of an event, with what a solver may put into its message."""
-    survey = Surveyed(
-        address="p.h5", format=None, problem="p", fingerprint="f", node="lcp", family="", sizes={}, features={},
-        nodes={"exact": ["lcp"]},
-    )  # fmt: skip
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6)
-    told = progress.event_line(Done(pair, Outcome(status="error", message=f"{ESC} half \ud800")))
-    assert told.endswith(r": \x1b]0;owned\x07 half \ud800")
 
 
 def test_names_in_files_and_of_files_are_spelled_out(monkeypatch, capsys, tmp_path) -> None:

@@ -93,7 +93,7 @@ class RunPlan:
     sets : the parts. shard : (i, n), the i-th of n parts of all blocks. seed : of the random order. threads : of every
     library. jobs : number of solves at a time. cluster : other machines. output : results file. report : folder of the
     report, empty for one named after the results, None for no report. rerun : what is run again of an old file (empty:
-    nothing). retry : times a pair that crashed or ran out of time is run again. keep : answers to keep. fail_on :
+    nothing). keep : answers to keep. fail_on :
     statuses that make the command end with 1, or `contradiction`.
     """
 
@@ -106,7 +106,6 @@ class RunPlan:
     output: str = setting("", settings.text, "FILE")
     report: str | None = setting("", settings.report)
     rerun: str = choice("", "failed", "timeouts", "all")
-    retry: int = setting(0, settings.whole(0), settings.COUNT)
     keep: str = choice("all", *KEEP)
     fail_on: tuple[str, ...] = setting((), settings.failures, "NAMES")
 

@@ -28,8 +28,6 @@ FAILED = (
 )  # fmt: skip
 RERUN: Mapping[str, tuple[str, ...] | None] = {"failed": FAILED, "timeouts": ("timeout",), "all": None}
 """Statuses that `--rerun` runs again; None for any. An `unsupported` pair stays one until the code changes: `all`."""
-RETRIED = ("crash", "timeout", "memout")
-"""Statuses that may be accidents of the machine, which `--retry` runs again."""
 
 _WILD = set("*?[")
 

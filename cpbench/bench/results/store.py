@@ -276,19 +276,6 @@ class Store:
             return status in (*FALSE_CLAIMS, *CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))
         return self._keep == "all"
 
-    def put(self, row: Planned, outcome: Outcome) -> None:
-        """Put a whole row with its answer in place of the one of its key."""
-        answer = outcome.answer
-        if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
-            answer = None
-        with self._database.transaction() as db:
-            for table in _KEPT:
-                db.execute(f"DELETE FROM {table} WHERE key = ?", (row.key,))
-            values = [*map(_text, _planned_values(row)), *map(_text, _measured_values(outcome))]
-            db.execute(f"INSERT OR REPLACE INTO rows {_WHOLE}", values)
-            _keep(db, row.key, answer, None, None, None)
-        self._kept += len(answer or b"")
-
     def add(self, rows: Iterable[Row]) -> None:
         """Add rows as `rows` yields them, in one transaction."""
         with self._database.transaction() as db:
@@ -316,9 +303,8 @@ class Store:
         self,
         statuses: Collection[str] | None = None,
         keys: Iterable[str] | None = None,
-        attempts: int | None = None,
     ) -> int:
-        """Let rows be run again: those of `statuses`, among `keys`, that were run at most `attempts` times (None: all).
+        """Let rows be run again: those of `statuses`, among `keys` (None: all).
 
         They are `not_run` again and lose what was measured, their answer and their history; `attempts` stays. The
         number of rows.
@@ -330,9 +316,6 @@ class Store:
             given += statuses
         if keys is not None:
             chosen.append("key IN (SELECT key FROM temp.asked)")
-        if attempts is not None:
-            chosen.append("coalesce(attempts, 0) <= ?")
-            given.append(attempts)
         cleared = ", ".join(f'"{c}" = NULL' for c in MEASURED if c not in ("status", "attempts"))
         with self._database.transaction() as db:
             db.execute("CREATE TEMP TABLE asked (key TEXT PRIMARY KEY)")
