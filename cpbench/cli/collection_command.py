@@ -46,22 +46,21 @@ def first_line(entries: Sequence[ListedProblem]) -> str:
 
 
 def formulation_rows(entries: Sequence[ListedProblem]) -> Iterator[tuple[str, ...]]:
-    """Yield a head, a row for each formulation, and one of sums: problems by tier and size, families, proofs."""
-    decades = _decades(entries)
-    yield "formulation", "families", "problems", *TIERS, *map(from_size, decades), "proved"
+    """Yield a head, a row for each formulation, and one of sums: families, problems, those of each tier, proofs."""
+    yield "formulation", "families", "problems", *TIERS, "proved"
     by_node: dict[str, list[ListedProblem]] = {}
     for entry in entries:
         by_node.setdefault(entry.node, []).append(entry)
     for node in sorted(by_node):
-        yield _counts(node, by_node[node], decades)
-    yield _counts("all", entries, decades)
+        yield _counts(node, by_node[node])
+    yield _counts("all", entries)
 
 
-def _counts(name: str, entries: Sequence[ListedProblem], decades: Iterable[int]) -> tuple[str, ...]:
-    tiers, sizes = Counter(entry.tier for entry in entries), Counter(entry.decade for entry in entries)
+def _counts(name: str, entries: Sequence[ListedProblem]) -> tuple[str, ...]:
+    tiers = Counter(entry.tier for entry in entries)
     numbers = (len({(entry.node, entry.family) for entry in entries}), len(entries))
     proved = sum(bool(entry.proof) for entry in entries)
-    parts = (*numbers, *(tiers[tier] for tier in TIERS), *(sizes[decade] for decade in decades), proved)
+    parts = (*numbers, *(tiers[tier] for tier in TIERS), proved)
     return name, *(str(part) if part else "·" for part in parts)
 
 
@@ -73,19 +72,6 @@ def total_lines(entries: Sequence[ListedProblem]) -> Iterator[str]:
         ("how a solution is known", (entry.known for entry in entries)),
     ):
         yield f"{title}: {'; '.join(f'{count} {name}' for name, count in Counter(names).most_common())}"
-
-
-def _decades(entries: Iterable[ListedProblem]) -> list[int]:
-    return sorted({entry.decade for entry in entries})
-
-
-def from_size(decade: int) -> str:
-    """Return the head of the column of problems that have from 10ᵏ unknowns on, and fewer than ten times as many.
-
-    >>> from_size(0), from_size(2), from_size(4)
-    ('1+', '100+', '1e4+')
-    """
-    return f"{10**decade}+" if decade < 3 else f"1e{decade}+"
 
 
 @click.group("collection", cls=Group)
@@ -100,11 +86,8 @@ def command() -> None:
 
 @command.command("list")
 def list_collections() -> None:
-    """Count the problems of cpbench by formulation, tier, size and proof; list the collections of others.
-
-    A column as 1e3+ counts problems of 1000 unknowns and more, fewer than the next column begins with. Of collections
-    of others, formulations, formats, files, licences and sources are listed.
-    """
+    """Count the problems of cpbench by formulation, tier and proof; list the collections of others, with formulations,
+    formats, files, licences and sources."""
     entries = catalogue()
     print_lines([first_line(entries), "", *table(formulation_rows(entries)), ""])
     print_lines([*total_lines(entries), "", "Collections of others (cpbench collection add, verify):"])

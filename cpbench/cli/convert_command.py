@@ -23,13 +23,13 @@ from cpbench.cli.options import (
     tolerance_option,
     via_option,
 )
-from cpbench.cli.progress import converting
 from cpbench.cli.terminal import print_lines
-from cpbench.cli.types import ADDRESS, MEMORY, PATH, SETTINGS
-from cpbench.errors import CpbenchError
+from cpbench.cli.types import ADDRESS, PATH, SETTINGS
+from cpbench.conversions import Conversion
+from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.generators.collection import address_text
-from cpbench.graph import Arrival, checking
+from cpbench.graph import Apply, Arrival, checking
 from cpbench.report.show import slip_angle
 from cpbench.storage.answers import save_vector
 from cpbench.storage.base import require_new
@@ -46,9 +46,6 @@ from cpbench.verification import error_text
 @via_option
 @click.option("--as", "written", metavar="NAME", help="Format of OUT, if its suffix does not determine it.")
 @click.option("--check", is_flag=True, help="Carry an answer there and back, and show its errors and the times.")
-@click.option(
-    "--memory", type=MEMORY, help="Largest converted problem, as 8G; 0: no limit; default: what is available."
-)
 @kinds_option()
 @tolerance_option
 @click.option("--lift", "converted", metavar="FILE", help="Converted problem whose answer IN is carried back to OUT.")
@@ -62,7 +59,6 @@ def command(
     via: tuple[str, ...],
     written: str | None,
     check: bool,
-    memory: int | None,
     kinds: frozenset[Kind] | None,
     tolerance: float,
     converted: str | None,
@@ -81,7 +77,7 @@ def command(
     """
     require_new(target_file, force)
     if converted is not None:
-        if node or settings or via or written or check or memory or kinds or file_format:
+        if node or settings or via or written or check or kinds or file_format:
             raise click.UsageError("--lift goes back the way that its FILE came: it takes IN, OUT and --force alone")
         _lift(Path(source), target_file, converted, force)
         return
@@ -96,10 +92,9 @@ def command(
                 twice = f"{name} is {value:g} and {values[name]:g}: give it once"
                 raise click.BadParameter(twice, param_hint="--set")
         problem = problem.with_parameters(values)
-    room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
-    apply = lambda edge, p: converting(edge, p, done, room)  # noqa: E731
-    arrival = convert(problem, node, via, kinds=kinds, apply=apply).arrival
+    room = psutil.virtual_memory().available
+    arrival = convert(problem, node, via, kinds=kinds, apply=lambda edge, p: _fitting(edge, p, done, room)).arrival
     guesses, lost = carried_starts(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
     print_lines([f"{address_text(source)} ({problem.node}: {sizes_line(problem)})"])
@@ -115,6 +110,15 @@ def command(
         print_lines(check_lines(problem, report, tolerance))
         if not report.passed:
             sys.exit(1)
+
+
+def _fitting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:
+    """Convert as `apply` does; raises NotApplicable, with the estimate, when the result may take more than `room` bytes
+    of memory."""
+    size = edge.predict(problem)
+    if size is not None and size.bytes > room:
+        raise NotApplicable(edge.label, f"would not fit: {size}, {room / 1e9:.3g} GB of memory are free")
+    return apply(edge, problem)
 
 
 def _lift(answer: Path, output: Path, address: str, force: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 
 import click
@@ -19,9 +18,6 @@ from cpbench.generators.collection import address_text
 from cpbench.graph import best_kind, edges, promise
 from cpbench.solvers.base import solvers
 
-WRAP = 3
-"""Solvers a line in the box of a node."""
-
 
 @click.command()
 @click.argument("problem", required=False, type=ADDRESS)
@@ -36,7 +32,6 @@ WRAP = 3
 @click.option("--explain", is_flag=True, help="Show the dead ends of PROBLEM, each with its obstacle.")
 @kinds_option(", without PROBLEM all")
 @format_option
-@click.option("--mermaid", is_flag=True, help="Show the graph as a diagram of Mermaid.")
 def command(
     problem: str | None,
     nodes: tuple[str, ...],
@@ -44,7 +39,6 @@ def command(
     explain: bool,
     kinds: frozenset[Kind] | None,
     file_format: str | None,
-    mermaid: bool,
 ) -> None:
     """Show the formulations, the conversions between them and the solvers on each.
 
@@ -55,14 +49,11 @@ def command(
     for node in nodes:
         formulations.get(node)
     if problem is not None:
-        if mermaid:
-            raise click.UsageError("--mermaid is of the whole graph: leave PROBLEM out")
         _print_routes(problem, nodes or formulations.names(), kinds or graph.EXACT, every, explain, file_format)
     elif every or explain or file_format or nodes:
         raise click.UsageError("--to, --all, --explain and --format are of a PROBLEM: give one")
     else:
-        drawn = draw(kinds or graph.ALL, mermaid=mermaid).splitlines()
-        print_lines(drawn if mermaid else fitted(drawn))
+        print_lines(fitted(draw(kinds or graph.ALL).splitlines()))
 
 
 def _print_routes(
@@ -113,21 +104,15 @@ def _every_route(source: Problem, node: str, kinds: frozenset[Kind], memory: gra
     return dead
 
 
-def draw(kinds: frozenset[Kind], *, mermaid: bool = False) -> str:
-    """Draw the nodes, and the edges that may be of one of `kinds`, as text or for Mermaid."""
-    shown = [edge for edge in edges() if best_kind(edge) in kinds]
-    return _mermaid(shown) if mermaid else _text(shown)
-
-
-def solvers_of(node: str, *, usual: bool = False) -> list[str]:
-    """Return the names of the registered solvers of a node, with `usual` of those that run by default; one that drops a
-    term of the law is marked.
-    """
-    specs = [solver.spec for solver in solvers if solver.spec.node == node and (solver.spec.by_default or not usual)]
+def solvers_of(node: str) -> list[str]:
+    """Return the names of the registered solvers of a node; one that drops a term of the law is marked."""
+    specs = [solver.spec for solver in solvers if solver.spec.node == node]
     return [spec.name if spec.kind.exact else f"{spec.name} ({spec.kind})" for spec in specs]
 
 
-def _text(shown: list[Conversion]) -> str:
+def draw(kinds: frozenset[Kind]) -> str:
+    """Return the nodes, and the edges that may be of one of `kinds`, as text."""
+    shown = [edge for edge in edges() if best_kind(edge) in kinds]
     wide = max((len(edge.name) for edge in shown), default=0)
     across = max(len(name) for name in formulations.names())
     loops = sum(edge.source == edge.target for edge in shown)
@@ -143,33 +128,5 @@ def _text(shown: list[Conversion]) -> str:
     return "\n".join(lines)
 
 
-def _mermaid(shown: list[Conversion]) -> str:
-    lines = ["flowchart LR"]
-    lines += [f'  {_id(name)}["{"<br/>".join(_box(name))}"]' for name in formulations.names()]
-    for edge in shown:
-        arrow = "-->" if best_kind(edge).exact else "-.->"
-        lines.append(f'  {_id(edge.source)} {arrow}|"{"<br/>".join(_words(edge))}"| {_id(edge.target)}')
-    return "\n".join(lines)
-
-
 def _by_target(shown: Iterable[Conversion], source: str) -> list[Conversion]:
     return sorted((edge for edge in shown if edge.source == source), key=lambda e: (e.target, e.name))
-
-
-def _box(node: str) -> list[str]:
-    """Return the lines of a node's box: its name, then its solvers; those that run only when they are named are
-    counted.
-    """
-    names = solvers_of(node, usual=True)
-    more = len(solvers_of(node)) - len(names)
-    lines = [node, *(", ".join(names[k : k + WRAP]) for k in range(0, len(names), WRAP))]
-    return [*lines, f"and {more} more"] if more else lines
-
-
-def _words(edge: Conversion) -> list[str]:
-    return [edge.name, f"{promise(edge)} {edge.equation}".rstrip()]
-
-
-def _id(node: str) -> str:
-    """Return a name that Mermaid takes for a node, which is none of its words, such as `end`."""
-    return "node_" + re.sub(r"\W", "_", node)

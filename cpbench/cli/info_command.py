@@ -7,7 +7,6 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import click
@@ -27,16 +26,13 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.derivatives import derivative
 from cpbench.foundation import extensions, matrices
-from cpbench.foundation.text import counted, printable, some_of, summary
+from cpbench.foundation.text import counted, printable, summary
 from cpbench.generators.collection import address_text
 from cpbench.graph import Apply
 from cpbench.report import show
-from cpbench.storage.base import split_address
 
 MANY, LISTED = 3, 60
 """Number of problems up to which each is shown by itself, and up to which each has a line."""
-TWINS, SUFFIXES = 12, 6
-"""The most problems that are named as copies of others, and the most suffixes of files that are not problems."""
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 SHOWN = 8
 """Items of a list, such as names of unknowns, that are shown."""
@@ -54,8 +50,8 @@ def command(files: tuple[str, ...], measure: bool, data: bool, file_format: str 
 
     With --data, show the equations of each problem, those of the conversions that made it, and its data.
 
-    More than three problems get one line each, more than sixty a line for each formulation and family; problems that
-    are there twice are named. A problem that cannot be read does not stop the others. For a results file the command
+    More than three problems get one line each, more than sixty a line for each formulation and family. A
+    problem that cannot be read does not stop the others. For a results file the command
     shows which solver to use, as at the end of the run.
 
     Every fact has its method: exact, by a factorization, by a randomized estimate, or not decided.
@@ -68,7 +64,7 @@ def command(files: tuple[str, ...], measure: bool, data: bool, file_format: str 
         return
     addresses = storage.problem_files(files) or list(files)
     if len(addresses) > MANY and not data:
-        _print_many(files, addresses, file_format)
+        _print_many(addresses, file_format)
         return
     known = measure and "facts" in extensions.added(extensions.HOOKS)
     for address in addresses:
@@ -80,7 +76,7 @@ def command(files: tuple[str, ...], measure: bool, data: bool, file_format: str 
         print_lines(_lines(address, problem, facts, len(storage.guesses(address))))
 
 
-def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: str | None) -> None:
+def _print_many(addresses: Sequence[str], file_format: str | None) -> None:
     """Print what is in a folder; exits with 2 where something cannot be read."""
     members: list[dict[str, Any]] = []
     refused: list[str] = []
@@ -95,7 +91,6 @@ def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: st
     print_lines([f"{counted(len(members), 'problem')}: {kinds}{unread}", *_sequence_lines(members)])
     each = ((member["node"], member["line"], member["address"]) for member in members)
     print_lines(table(_classes(members) if len(members) > LISTED else each))
-    print_lines([*_twins(members), *_others(places, addresses)])
     if members:
         one = shlex.quote(members[0]["address"])
         print_lines([f"all that is known of one: cpbench info {one}"])
@@ -111,7 +106,6 @@ def _member(address: str, problem: Problem) -> dict[str, Any]:
         "address": address,
         "node": problem.node,
         "family": problem.info.family,
-        "fingerprint": problem.fingerprint,
         "sizes": {**problem.sizes(), "nonzeros": nonzeros},
         "line": sizes_line(problem),
         "step": _step(problem),
@@ -152,27 +146,6 @@ def _range(values: Iterable[float]) -> str:
     values = list(values)
     texts = [str(value) if isinstance(value, int) else f"{value:g}" for value in (min(values), max(values))]
     return " to ".join(dict.fromkeys(texts))
-
-
-def _twins(members: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the problems that are there twice, the first of them named."""
-    first: dict[str, str] = {}
-    pairs = [(member["address"], first.setdefault(member["fingerprint"], member["address"])) for member in members]
-    again = [f"{address} is {before}" for address, before in pairs if address != before]
-    if again:
-        yield f"{counted(len(again), 'problem')} there before under another name: {some_of(again, TWINS)}"
-
-
-def _others(places: Iterable[str], addresses: Iterable[str]) -> Iterator[str]:
-    """Yield how many files of the folders among `places` are no problems, by their suffix."""
-    read = {split_address(address)[0] for address in addresses}
-    suffixes: Counter[str] = Counter()
-    for folder in filter(Path.is_dir, map(Path, places)):
-        inside = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
-        suffixes.update(path.suffix or path.name for path in inside if not {path, *path.parents} & read)
-    if suffixes:
-        kinds = [f"{count} {suffix}" for suffix, count in suffixes.most_common()]
-        yield printable(f"{counted(suffixes.total(), 'file')} of no format of problems: {some_of(kinds, SUFFIXES)}")
 
 
 def sizes_line(problem: Problem) -> str:

@@ -1,4 +1,4 @@
-"""The progress of commands on stderr: steps while they last, the display of a run, conversions that are large."""
+"""The progress of commands on stderr: steps while they last, the display of a run."""
 
 from __future__ import annotations
 
@@ -12,19 +12,13 @@ import click
 from cpbench.bench.events import Compiling, Event, Joined, Observer, Solving, Spent, Starting
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.terminal import print_lines
-from cpbench.conversions import Conversion
-from cpbench.errors import NotApplicable
-from cpbench.formulations import Problem
 from cpbench.foundation.text import counted, on_one_line, summary
-from cpbench.graph import Apply
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.status import Status
 
 T = TypeVar("T")
-LARGE = 50e6
-"""Bytes of a conversion's result from which on it is announced."""
 
 
 def _stderr() -> Console:
@@ -172,22 +166,3 @@ class Display(Observer):
 def compiling(solver: str) -> str:
     """Return the message while a solver compiles, so that it is not taken for a solve that hangs."""
     return f"{solver}: compiling its loops, once on this machine (cpbench doctor --warm does so for all solvers)"
-
-
-def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:
-    """Convert as `apply` does, announced on stderr where the result is large, with a spinner on a terminal.
-
-    Raises NotApplicable, with the estimate, when the result may take more than `room` bytes (0: no limit).
-    """
-    size = edge.predict(problem)
-    if size is not None and 0 < room < size.bytes:
-        raise NotApplicable(
-            edge.label, f"would not fit: {size}, {room / 1e9:.3g} GB are allowed; --memory says otherwise"
-        )
-    if size is None or size.bytes < LARGE:
-        return apply(edge, problem)
-    if not sys.stderr.isatty():
-        click.echo(f"{edge.label}: {size}", err=True)
-        return apply(edge, problem)
-    with _spinner(f"{edge.label}: {size}"):
-        return apply(edge, problem)

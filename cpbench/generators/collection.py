@@ -82,11 +82,6 @@ class ListedProblem:
     fingerprint: str
     properties: Mapping[str, Any]
 
-    @property
-    def decade(self) -> int:
-        """Power of ten at or below the number of unknowns."""
-        return len(str(self.unknowns)) - 1
-
 
 @dataclass(frozen=True)
 class Identity:

@@ -97,11 +97,6 @@ def test_what_is_proved_is_of_problems_of_the_collection_and_agrees_with_what_is
             assert kind in ("proved", "enclosed", entry.known)
 
 
-def test_the_decade_of_a_size() -> None:
-    decades = {size: replace(ENTRIES[0], unknowns=size).decade for size in (1, 9, 10, 99, 100, 1000)}
-    assert decades == {1: 0, 9: 0, 10: 1, 99: 1, 100: 2, 1000: 3}
-
-
 def test_a_collection_of_the_standard_tier_is_as_published(tmp_path: Path) -> None:
     name = "nash-cournot-large"
     pack, sheet = write_collections(tmp_path, [name])
@@ -146,8 +141,6 @@ def test_the_list_counts_the_problems_of_the_catalogue() -> None:
     assert totals["problems"] == totals["small"] + totals["standard"] + totals["large"] == len(ENTRIES)
     assert totals["families"] == len({(entry.node, entry.family) for entry in ENTRIES})
     assert totals["proved"] == len(tomllib.loads((builtin_folder() / PROOFS).read_text("utf-8")))
-    assert totals["1e3+"] == sum(1000 <= entry.unknowns < 10_000 for entry in ENTRIES)
-    assert sum(totals[name] for name in head if name.endswith("+")) == len(ENTRIES)
     assert f"licence: {len(ENTRIES)} CC0-1.0" in lines
 
 

@@ -278,22 +278,7 @@ def test_every_conversion_of_the_lecture_is_drawn():
     assert set(LECTURE) <= set(re.findall(r"  -> \w+ +(\S+)", draw(graph.ALL)))
 
 
-def test_mermaid_has_a_line_for_every_node_and_edge():
-    head, *lines = draw(graph.ALL, mermaid=True).splitlines()
-    assert head == "flowchart LR"
-    text = r'"[^"\n]+"'
-    nodes = [m[1] for line in lines if (m := re.fullmatch(rf"  node_(\w+)\[{text}\]", line))]
-    arrows = [
-        m for line in lines if (m := re.fullmatch(r'  node_(\w+) (-->|-\.->)\|"(\S+?)<br/>.+"\| node_(\w+)', line))
-    ]
-    assert nodes == formulations.names()
-    assert len(nodes) + len(arrows) == len(lines)
-    drawn = {(m[3], m[1], m[4], m[2] == "-->") for m in arrows}
-    assert drawn == {(e.name, e.source, e.target, graph.best_kind(e).exact) for e in graph.edges()}
-
-
-@pytest.mark.parametrize("words", [[], ["--mermaid"]])
-def test_the_command_draws(monkeypatch, capsys, words):
-    monkeypatch.setattr("sys.argv", ["cpbench", "graph", *words])
+def test_the_command_draws(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["cpbench", "graph"])
     main()
-    assert capsys.readouterr().out == draw(graph.ALL, mermaid=bool(words)) + "\n"
+    assert capsys.readouterr().out == draw(graph.ALL) + "\n"

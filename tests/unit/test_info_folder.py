@@ -1,4 +1,4 @@
-"""`cpbench info FOLDER`: what is in it, what is there twice, and what cannot be read."""
+"""`cpbench info FOLDER`: what is in it, and what cannot be read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def box_qp(n: int) -> QP:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """70 LCPs of order 3 to 9, two QPs, a copy of the fifth LCP, a broken file, and two that are no problems."""
+    """70 LCPs of order 3 to 9, two QPs, one more LCP, a broken file, and two that are no problems."""
     inside = tmp_path / "many"
     (inside / "deep").mkdir(parents=True)
     for k in range(70):
@@ -43,8 +43,6 @@ def test_a_folder_has_a_line_for_each_class(folder: Path) -> None:
         "lcp 71 n = 3 to 9, 3 to 9 nonzeros",
         "qp 2 n = 2 to 5, m = 0, k = 0, 2 to 5 nonzeros",
     ]
-    assert "1 problem there before under another name: many/p04.h5 is many/deep/z.h5" in others
-    assert "2 files of no format of problems: 1 .md, 1 .py" in "\n".join(others) or "1 .py, 1 .md" in "\n".join(others)
     assert "refused: many/broken.h5: " in done.stderr
     assert done.stderr.count("refused: ") == 1
 
