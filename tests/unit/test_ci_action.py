@@ -10,9 +10,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import threading
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -387,7 +384,6 @@ def test_a_build_that_makes_no_program(toy: Path) -> None:
             (("--solver", "none.toml", "--base", "main"), "no file 'none.toml' in this checkout"),
             (("--solver",), "--solver needs a value"),
             (("--speed", "3"), "no option '--speed'"),
-            (("--comment", "3"), "no cpbench-compare/summary.md to post"),
             (
                 ("--solver", "broken.py", "--base", "main"),
                 "broken.py: line 1: ModuleNotFoundError: No module named 'lost'",
@@ -417,62 +413,3 @@ def test_bad_input_ends_with_2_and_a_reason(toy: Path, words: tuple[str, ...], t
 def test_a_budget_in_which_nothing_can_be_solved(toy: Path) -> None:
     said = script(toy, "--solver", "mine.py", "--base", "main", "--problems", "problems", "--budget", "0.1s", rc=2)
     assert "the budget of 0.1s was used up before the first solve" in said.stderr.splitlines()[-1]
-
-
-# ------------------------------------------------------------------------------------------------ the comment
-
-
-class _Api(BaseHTTPRequestHandler):
-    """The comments of an issue, as GitHub's API has them."""
-
-    comments: dict[int, str] = {}
-    tokens: set[str] = set()
-
-    def _answer(self, body: Any) -> None:
-        self.send_response(200)
-        self.end_headers()
-        self.wfile.write(json.dumps(body).encode())
-
-    def _body(self) -> str:
-        self.tokens.add(self.headers["Authorization"])
-        return json.loads(self.rfile.read(int(self.headers["Content-Length"])))["body"]
-
-    def do_GET(self) -> None:
-        assert self.path.startswith("/repos/us/toy/issues/3/comments")
-        self._answer([{"id": key, "body": text} for key, text in self.comments.items()])
-
-    def do_POST(self) -> None:
-        assert self.path == "/repos/us/toy/issues/3/comments"
-        self.comments[len(self.comments) + 1] = self._body()
-        self._answer({})
-
-    def do_PATCH(self) -> None:
-        self.comments[int(self.path.removeprefix("/repos/us/toy/issues/comments/"))] = self._body()
-        self._answer({})
-
-    def log_message(self, format: str, *args: Any) -> None:
-        return
-
-
-@pytest.fixture
-def api() -> Iterator[str]:
-    server = ThreadingHTTPServer(("127.0.0.1", 0), _Api)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    thread.join()
-    server.server_close()
-
-
-@pytest.mark.nightly
-def test_the_comment_of_an_earlier_push_is_replaced(tmp_path: Path, api: str) -> None:
-    if shutil.which("curl") is None:
-        pytest.skip("needs a program: curl")
-    _Api.comments = {1: "somebody else's"}
-    here = {"GITHUB_API_URL": api, "GITHUB_REPOSITORY": "us/toy", "GITHUB_TOKEN": "t0"}
-    for text in ("first ✓", "second"):
-        (tmp_path / "summary.md").write_text(text)
-        script(tmp_path, "--comment", "3", "-o", ".", **here)
-    assert _Api.comments == {1: "somebody else's", 2: "<!-- cpbench compare -->\nsecond"}
-    assert _Api.tokens == {"Bearer t0"}

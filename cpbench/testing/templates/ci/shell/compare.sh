@@ -17,14 +17,12 @@
 #   -o, --output FOLDER for summary.md, results.sqlite, variants.toml (the solver of this checkout, for commands that run
 #                       a pair again) and NAME.json of each solver; default: cpbench-compare
 #
-#     compare.sh --comment NUMBER [-o FOLDER]                            after it, on GitHub: the summary as a comment
-#
 # Paths are relative to the top of the checkout. The exit code is 0; 1 for a finding that --fail-on names; 2, with the
 # reason, when there is no verdict. On GitHub it also writes the summary of the job and the outputs `verdict`, `results`.
 set -euo pipefail
 
 solver='' base='' build='' python='' problems=builtin timeout=10s budget=10m repeats=5
-fail_on=regression,wrong,crash output=cpbench-compare comment=''
+fail_on=regression,wrong,crash output=cpbench-compare
 shown="${GITHUB_STEP_SUMMARY:-/dev/null}" told="${GITHUB_OUTPUT:-/dev/null}"
 
 die() { # the reason
@@ -44,7 +42,7 @@ last_words() { tail -n 1 "$work/log" | sed 's/^cpbench: //' | cut -c 1-400; }
 # ------------------------------------------------------------------------------------------------ the arguments
 while [ $# -gt 0 ]; do
   case $1 in
-    --solver | --base | --build | --python | --problems | --timeout | --budget | --repeats | --fail-on | --output | --comment)
+    --solver | --base | --build | --python | --problems | --timeout | --budget | --repeats | --fail-on | --output)
       name=${1#--} ;;
     -o) name=output ;;
     *) die "compare.sh: no option '$1'; its first lines list them" ;;
@@ -53,22 +51,6 @@ while [ $# -gt 0 ]; do
   printf -v "${name//-/_}" %s "$2"
   shift 2
 done
-
-# ------------------------------------------------------------------------------------------------ the comment
-mark='<!-- cpbench compare -->' # marks the comment, so that the next push replaces it
-if [ -n "$comment" ]; then
-  [ -f "$output/summary.md" ] || die "compare.sh: no $output/summary.md to post: compare first"
-  ask() { # method, address; the body comes from stdin
-    curl --silent --show-error --fail -X "$1" -H @<(echo "Authorization: Bearer $GITHUB_TOKEN") --data-binary @- \
-      -H 'Accept: application/vnd.github+json' "$GITHUB_API_URL/repos/$GITHUB_REPOSITORY/issues/$2"
-  }
-  find='import json, sys; print(*[c["id"] for c in json.load(sys.stdin) if c["body"].startswith(sys.argv[1])][:1])'
-  wrap='import json, sys; print(json.dumps({"body": sys.argv[1] + "\n" + sys.stdin.read()[:60000]}))'
-  earlier=$(ask GET "$comment/comments?per_page=100" < /dev/null | python3 -c "$find" "$mark")
-  python3 -c "$wrap" "$mark" < "$output/summary.md" |
-    if [ -n "$earlier" ]; then ask PATCH "comments/$earlier"; else ask POST "$comment/comments"; fi > /dev/null
-  exit 0
-fi
 
 # ------------------------------------------------------------------------------------------------ the checks
 [ -n "$solver" ] || die 'compare.sh: say --solver FILE, the plugin of your solver (.toml or .py)'
