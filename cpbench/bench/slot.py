@@ -59,8 +59,8 @@ class Slot:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = TemporaryHome(RUN)
-        self._means = means = context(setting.threads)
-        self.referee = self.another_referee()
+        means = context(setting.threads)
+        self.referee = RefereeClient(means, setting, self._scratch.folder)
         self.workers = WorkerPool(means, setting, self._scratch.folder)
 
     def __enter__(self) -> Slot:
@@ -82,10 +82,6 @@ class Slot:
             if child is not None:
                 child.kill_all()
 
-    def another_referee(self) -> RefereeClient:
-        """Return a further referee beside that of the slot, which the caller closes."""
-        return RefereeClient(self._means, self.setting, self._scratch.folder)
-
     def survey(
         self,
         address: str,
@@ -94,12 +90,11 @@ class Slot:
         timeout: float = 0.0,
         *,
         guesses: bool = False,
-        referee: RefereeClient | None = None,
     ) -> messages.Surveyed:
         """Return facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether
-        the starting points of its file are counted, too. `referee` : its reader, None for that of the slot."""
+        the starting points of its file are counted, too."""
         asked = messages.Survey(address, format, tuple(requests), guesses)
-        reply = (referee or self.referee).ask(REFEREE.limit(timeout), asked, messages.Surveyed)
+        reply = self.referee.ask(REFEREE.limit(timeout), asked, messages.Surveyed)
         if isinstance(reply, messages.Declined):
             raise Refused(reply.message)
         if isinstance(reply, messages.Failure):

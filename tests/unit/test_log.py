@@ -49,21 +49,6 @@ def test_what_comes_in_pieces_reads_as_one() -> None:
     log.close()
 
 
-def test_a_writer_without_readers_is_not_held_up() -> None:
-    """10 MB go through a pipe of 64 KiB while the runner does something else."""
-    log = _log()
-    begun = time.monotonic()
-    for _ in range(1000):
-        _print(log, "x" * 10_000)
-    assert time.monotonic() - begun < 300.0
-    log.started()
-    deadline = time.monotonic() + 300.0
-    while "bytes ...]" not in (text := log.take()) and time.monotonic() < deadline:
-        pass
-    assert len(text) < 3 * PART
-    log.close()
-
-
 def test_closing_twice_and_late_words() -> None:
     log = _log()
     _print(log, "words")

@@ -178,21 +178,17 @@ def test_a_run_begins_its_processes_before_it_imports(arguments: list[str], begi
 
 
 @pytest.mark.nightly
-def test_a_run_says_that_a_solver_compiles_and_keeps_its_order(tmp_path: Path) -> None:
-    for k in range(4):
-        storage.save(LCP(M=np.diag([2.0, 1.0 + k]), q=[-1.0, -1.0], name=f"p{k}"), tmp_path / f"p{k}.h5")
-    command = [sys.executable, "-m", "cpbench", "run", str(tmp_path), "-s", "psor", "-s", "daqp", "--no-report", "-q"]
+def test_a_run_says_that_a_solver_compiles(tmp_path: Path) -> None:
+    storage.save(LCP(M=np.diag([2.0, 1.0]), q=[-1.0, -1.0], name="p"), tmp_path / "p.h5")
+    command = [sys.executable, "-m", "cpbench", "run", str(tmp_path / "p.h5"), "-s", "psor", "--no-report"]
     environment = {**os.environ, kernel_cache.VARIABLE: str(tmp_path / "cache")}
-    told: list[list[str]] = []
+    told: list[bool] = []
     for name in ("cold", "warm"):
-        more = ["-o", str(tmp_path / f"{name}.sqlite"), "-v"]
-        done = subprocess.run([*command, *more], env=environment, capture_output=True, text=True)
-        assert "\n8 pairs: 8 solved\n" in done.stdout, done.stderr
-        told.append([line.partition(" ")[2] for line in done.stderr.splitlines()])
-    cold, warm = ([line.split()[-1] for line in lines if line.startswith("solve ")] for lines in told)
-    assert cold == warm
-    assert sorted(warm) == ["daqp"] * 4 + ["psor"] * 4
-    assert ["compiling" in "".join(lines) for lines in told] == [True, False]
+        output = ["-o", str(tmp_path / f"{name}.sqlite")]
+        done = subprocess.run([*command, *output], env=environment, capture_output=True, text=True)
+        assert "\n1 pair: 1 solved\n" in done.stdout, done.stderr
+        told.append("compiling" in done.stderr)
+    assert told == [True, False]
 
 
 @pytest.mark.parametrize("command", some_by_day(["run", "solve"], 1))

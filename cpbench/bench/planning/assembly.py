@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import queue
 import shlex
-from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from cpbench.bench import machine
 from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import grids, plan, selection
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.bench.slot import Slot, Unread
 from cpbench.bench.starts import EVERY, each_start, parse_start
-from cpbench.bench.worker_pool import RefereeClient
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.solvers.base import missing, solvers
 
@@ -25,10 +20,6 @@ Reading = Callable[[Sequence[str]], Iterable[str]]
 """Shows the progress of reading files."""
 Place = tuple[str, str | None]
 """The address of a problem, and the format of its file where that was said."""
-EACH = 250
-"""Problems that pay for one more process: about as many are read while it starts."""
-MOST = 8
-"""Processes that one thread of Python can keep at work."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +110,11 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
     surveys: dict[Place, Surveyed] = {}
     refused: list[tuple[str, CpbenchError]] = []
     longest = max(part.timeout for part in asked.sets)
-    with closing(read_surveys(slot, wanted, longest, guesses=guesses)) as answers:
-        for place, answer, _ in zip(wanted, answers, reading([address for address, _ in wanted]), strict=True):
-            if isinstance(answer, CpbenchError):
-                refused.append((place[0], answer))
-            else:
-                surveys[place] = answer
+    for (place, requests), address in zip(wanted.items(), reading([address for address, _ in wanted]), strict=True):
+        try:
+            surveys[place] = slot.survey(address, list(requests.values()), place[1], longest, guesses=guesses)
+        except CpbenchError as reason:
+            refused.append((address, reason))
     parts = [_with_pairs(part, surveys, asked.threads) for part in begun]
     planned: dict[str, Pair] = {}
     for pair in (pair for part in parts for pair in part.pairs):
@@ -139,47 +129,6 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
         list(surveys.values()),
         {name: how for part in parts for name, how in part.absent.items()},
     )
-
-
-def read_surveys(
-    slot: Slot,
-    asked: Mapping[Place, Mapping[str, Request]],
-    timeout: float,
-    *,
-    guesses: bool = False,
-) -> Generator[Surveyed | CpbenchError]:
-    """Yield the facts of each problem in turn, or why it has none, by the referee of the slot, and more beside it where
-    problems are many. Closing the generator ends the further processes.
-
-    asked : address and format of each problem -> the requests whose nodes are wanted, by name. timeout : of a solve.
-    guesses : whether the starting points of files are counted.
-    """
-    count = max(1, min(len(machine.cores()), len(asked) // EACH, MOST))
-    referees = [slot.referee, *(slot.another_referee() for _ in range(count - 1))]
-    free: queue.SimpleQueue[RefereeClient] = queue.SimpleQueue()
-    for referee in referees:
-        free.put(referee)
-
-    def one(place: Place) -> Surveyed | CpbenchError:
-        referee, (address, file_format) = free.get(), place
-        try:
-            requests = list(asked[place].values())
-            return slot.survey(address, requests, file_format, timeout, guesses=guesses, referee=referee)
-        except CpbenchError as reason:
-            return reason
-        finally:
-            free.put(referee)
-
-    if count == 1:
-        yield from map(one, asked)
-        return
-    pool = ThreadPoolExecutor(count)
-    try:
-        yield from pool.map(one, asked)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for referee in referees[1:]:
-            referee.close()
 
 
 def _begun(part: ProblemSet, builtin: Callable[[], Path]) -> PlannedSet:

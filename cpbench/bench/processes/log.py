@@ -1,13 +1,12 @@
-"""Output of a child: a pipe that a thread of the runner empties, keeping the first and the last part.
+"""Output of a child: a pipe that the runner empties while it waits for the child, keeping the first and the last part.
 
-A pipe bounds the memory that a flood of output takes; the thread keeps a full pipe from blocking the child.
+A pipe bounds the memory that a flood of output takes. A child for which nobody waits stops when its pipe is full, and
+goes on when somebody does.
 """
 
 from __future__ import annotations
 
 import os
-import selectors
-import threading
 from typing import Any
 
 PART = 500
@@ -23,10 +22,7 @@ class Log:
     def __init__(self, ctx: Any) -> None:
         self._reader, self.writer = ctx.Pipe(duplex=False)
         os.set_blocking(self._reader.fileno(), False)
-        self._lock = threading.Lock()
-        self._closed, self._watched = False, True
         self._forget()
-        _emptier.add(self)
 
     def fileno(self) -> int:
         return int(self._reader.fileno())
@@ -37,47 +33,30 @@ class Log:
 
     def take(self) -> str:
         """Return the output since the last call, without its middle when it has more than 2 · `PART` bytes."""
-        with self._lock:
-            self._absorb(_AT_ONCE)
-            rest = self._seen - len(self._first)
-            last = self._last[max(len(self._last) - rest, 0) :]
-            left_out = rest - len(last)
-            middle = f"\n[... {left_out} bytes ...]\n".encode() if left_out else b""
-            text = (self._first + middle + last).decode(errors="replace").strip()
-            self._forget()
+        self.empty()
+        rest = self._seen - len(self._first)
+        last = self._last[max(len(self._last) - rest, 0) :]
+        left_out = rest - len(last)
+        middle = f"\n[... {left_out} bytes ...]\n".encode() if left_out else b""
+        text = (self._first + middle + last).decode(errors="replace").strip()
+        self._forget()
         return text
 
     def forget(self) -> None:
         """Drop the output so far; what is printed at this moment may still count as new."""
-        if self._seen:
-            self.take()
-
-    def empty(self) -> None:
-        """Read what there is, for the thread; the pipe is watched no more once its other end is closed."""
-        with self._lock:
-            if not self._absorb(1):
-                self._unwatch()
+        self.empty()
+        self._forget()
 
     def close(self) -> None:
         """Close the pipe; harmless when done before."""
-        with self._lock:
-            if not self._closed:
-                self._closed = True
-                self._unwatch()
-                self._reader.close()
-
-    def _unwatch(self) -> None:
-        if self._watched:
-            self._watched = False
-            _emptier.remove(self)
+        self._reader.close()
 
     def _forget(self) -> None:
         self._first, self._last, self._seen = b"", b"", 0
 
-    def _absorb(self, chunks: int) -> bool:
-        for _ in range(chunks):
-            if self._closed:
-                return False
+    def empty(self) -> bool:
+        """Read what there is; return False where the other end is closed."""
+        for _ in range(0 if self._reader.closed else _AT_ONCE):
             try:
                 part = os.read(self._reader.fileno(), _CHUNK)
             except BlockingIOError:
@@ -87,32 +66,4 @@ class Log:
             self._first += part[: PART - len(self._first)]
             self._last = (self._last + part[-PART:])[-PART:]
             self._seen += len(part)
-        return True
-
-
-class _Emptier:
-    """The thread that empties the pipes of all children; it sleeps while there is no output."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._selector: selectors.BaseSelector | None = None
-
-    def add(self, log: Log) -> None:
-        with self._lock:
-            if self._selector is None:
-                self._selector = selectors.DefaultSelector()
-                threading.Thread(target=self._run, args=(self._selector,), daemon=True, name="child output").start()
-            self._selector.register(log, selectors.EVENT_READ, log)
-
-    def remove(self, log: Log) -> None:
-        with self._lock:
-            assert self._selector is not None
-            self._selector.unregister(log)
-
-    def _run(self, selector: selectors.BaseSelector) -> None:
-        while True:
-            for key, _ in selector.select():
-                key.data.empty()
-
-
-_emptier = _Emptier()
+        return not self._reader.closed

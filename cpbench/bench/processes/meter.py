@@ -45,7 +45,8 @@ class Meter:
         A program that holds each problem in a child has the same number at every solve; one that leaves a process
         behind for every problem has more at the second.
         """
-        return max(_count() - (len(self.helpers) if self._there is None else self._there), 0)
+        there = len(self.helpers) if self._there is None else self._there
+        return max(guard.count_below(os.getpid()) - there, 0) if guard.has_children() else 0
 
     @property
     def threads(self) -> int:
@@ -104,17 +105,6 @@ def descendants() -> tuple[psutil.Process, ...]:
     if not guard.has_children():
         return ()
     return tuple(guard.descendants(psutil.Process()))
-
-
-def _count() -> int:
-    """Return the number of running descendants; where the system lists children (Linux) without a look at all
-    processes, which takes milliseconds."""
-    if not guard.has_children():
-        return 0
-    try:
-        return len(guard.below(os.getpid()))
-    except OSError:
-        return len(descendants())
 
 
 def checksum(problem: Problem) -> int:

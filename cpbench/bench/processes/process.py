@@ -95,6 +95,7 @@ class Child:
         self._first = _found(self.pid)
         self._selector.register(self._channel, selectors.EVENT_READ)
         self._selector.register(self._process.sentinel, selectors.EVENT_READ)
+        self._selector.register(self._log, selectors.EVENT_READ)
         self._end = select.poll()
         self._end.register(self._process.sentinel, select.POLLIN)
 
@@ -119,7 +120,8 @@ class Child:
     def receive(self, seconds: float) -> bytes:
         """Return the next message about the last request; raises TimedOut, Died, FrameError.
 
-        Waits for the end of the process as well as for the channel, which its own children may hold open after it.
+        Waits for the end of the process as well as for the channel, which its own children may hold open after it, and
+        takes what it prints meanwhile.
         A message that it sent before it died still counts.
         """
         deadline = time.monotonic() + seconds
@@ -137,6 +139,8 @@ class Child:
             if left <= 0.0:
                 raise TimedOut
             ready = [key.fileobj for key, _ in self._selector.select(min(left, LOOK))]
+            if self._log in ready and not self._log.empty():
+                self._selector.unregister(self._log)
             silent = self._channel not in ready
             ended = silent and (self._process.sentinel in ready or (not ready and not self.alive))
             self._look()
