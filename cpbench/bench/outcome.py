@@ -1,10 +1,12 @@
-"""Parts of outcomes: flags, statuses and messages, from what referee and worker report."""
+"""Parts of outcomes: flags, times, statuses and messages, from what referee and worker report."""
 
 from __future__ import annotations
 
+import json
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 from cpbench.bench.messages import Declined, Failure, Late, Message, OutOfMemory, Result, Seconds
 from cpbench.bench.results.rows import Outcome
@@ -84,6 +86,35 @@ def remembered(solves: Sequence[float]) -> bool:
     return bool(others) and first > max(NOTICED, REMEMBERED * statistics.median(others))
 
 
+@dataclass(frozen=True)
+class Times:
+    """Seconds of the first solve and of its repeats: of `setup`, of `solve`, and that passed meanwhile (`wall`).
+    `lost` : why repeats or the history failed."""
+
+    setup: Sequence[float]
+    solve: Sequence[float]
+    wall: Sequence[float]
+    lost: str = ""
+
+    @property
+    def remembered(self) -> bool:
+        """Tell whether the repeats are those of a cache."""
+        return remembered(self.solve)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of a row."""
+        several = len(self.solve) > 1
+        low, _, high = statistics.quantiles(self.solve, n=4, method="inclusive") if several else (0.0, 0.0, 0.0)
+        return {
+            "setup": statistics.median(self.setup),
+            "solve": self.solve[0] if self.remembered else statistics.median(self.solve),
+            "repeats": len(self.solve),
+            "samples": json.dumps([float(f"{seconds:.6g}") for seconds in self.solve]),
+            "solve_min": min(self.solve),
+            "solve_iqr": high - low,
+        }
+
+
 def of_both(first: Outcome, second: Outcome, tolerance: float) -> Outcome:
     """Return the row of a pair whose solver was asked once more, for a smaller tolerance, because its claim failed.
 
@@ -118,11 +149,3 @@ def unprepared(why: Message, *, loading: bool) -> Outcome:
 def reason(message: Message) -> str:
     """Return the text of a message that came in place of the expected one."""
     return (message.message if isinstance(message, Failure) else "") or type(message).__name__
-
-
-def iqr(values: Sequence[float]) -> float:
-    """Return the distance of the quartiles, 0 of a single value."""
-    if len(values) < 2:
-        return 0.0
-    quartiles = statistics.quantiles(values, n=4, method="inclusive")
-    return quartiles[2] - quartiles[0]

@@ -13,13 +13,13 @@ import platform
 import statistics
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from cpbench.bench import messages
 from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
 from cpbench.bench.judging import PROOF_SECONDS
-from cpbench.bench.outcome import CLOCK, iqr, late, marks, of_both, reason, remembered, runners_time, unprepared
+from cpbench.bench.outcome import CLOCK, Times, late, marks, of_both, reason, runners_time, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
@@ -135,10 +135,7 @@ class Slot:
         `prepared` : by `prepare`. `before` : the step before, where the pair starts from it.
         """
         begun = time.perf_counter()
-        if isinstance(prepared, Outcome):
-            outcome = prepared
-        else:
-            outcome = self._confirmed(pair, prepared, before, self._run(pair, prepared, before))
+        outcome = prepared if isinstance(prepared, Outcome) else self._confirmed(pair, prepared, before)
         return replace(
             outcome,
             wall=time.perf_counter() - begun,
@@ -148,20 +145,18 @@ class Slot:
             finished=time.strftime("%Y-%m-%dT%H:%M:%S"),
         )
 
-    def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
-        return PairRun(self, pair, prepared, before).outcome()
-
-    def _confirmed(self, pair: Pair, prepared: messages.Prepared, before: Before | None, first: Outcome) -> Outcome:
+    def _confirmed(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
         """Return the outcome of a pair whose solver is asked once more where its package's claim failed: what it was
         asked for may have been too little in the units of this problem."""
+        first = PairRun(self, pair, prepared, before).outcome()
+        if first.status not in FALSE_CLAIMS:
+            return first
         missed = first.error if first.target_error is None else first.target_error
         stopping = solvers.get(pair.entry.solver).stopping
-        tolerance = None
-        if first.status in FALSE_CLAIMS:
-            tolerance = second_tolerance(stopping, prepared.tolerance, first.claim or "", missed)
+        tolerance = second_tolerance(stopping, prepared.tolerance, first.claim or "", missed)
         if tolerance is None:
             return first
-        second = self._run(pair, replace(prepared, tolerance=tolerance), before)
+        second = PairRun(self, pair, replace(prepared, tolerance=tolerance), before).outcome()
         return of_both(first, second, tolerance)
 
 
@@ -171,33 +166,6 @@ class RunStopped(Exception):
     def __init__(self, status: str, message: str, **columns: Any) -> None:
         self.columns = {"status": status, "message": message, **columns}
         super().__init__(message)
-
-
-@dataclass(frozen=True)
-class Times:
-    """Seconds of the first solve and of its repeats: of `setup`, of `solve`, and that passed meanwhile (`wall`).
-    `lost` : why repeats or the history failed."""
-
-    setup: Sequence[float]
-    solve: Sequence[float]
-    wall: Sequence[float]
-    lost: str = ""
-
-    @property
-    def remembered(self) -> bool:
-        """Tell whether the repeats are those of a cache."""
-        return remembered(self.solve)
-
-    def columns(self) -> dict[str, Any]:
-        """Return the columns of a row."""
-        return {
-            "setup": statistics.median(self.setup),
-            "solve": self.solve[0] if self.remembered else statistics.median(self.solve),
-            "repeats": len(self.solve),
-            "samples": json.dumps([float(f"{seconds:.6g}") for seconds in self.solve]),
-            "solve_min": min(self.solve),
-            "solve_iqr": iqr(self.solve),
-        }
 
 
 class PairRun:
@@ -338,15 +306,13 @@ class PairRun:
     def _without_answer(self, reply: messages.Message) -> RunStopped:
         """Return the end of a run whose worker sent no answer, but why."""
         if isinstance(reply, messages.ProblemUnsupported):
-            status = "unsupported"
-        elif isinstance(reply, messages.SolverUnavailable):
-            status = "unavailable"
-        else:
-            self.workers.drop(self.name)  # its state is not known: neither after an error, nor with its memory full
-            if isinstance(reply, messages.OutOfMemory):
-                return RunStopped("memout", f"over {self.limits.memory} bytes")
-            status = "error"
-        return RunStopped(status, reason(reply)[:WORDS])
+            return RunStopped("unsupported", reason(reply)[:WORDS])
+        if isinstance(reply, messages.SolverUnavailable):
+            return RunStopped("unavailable", reason(reply)[:WORDS])
+        self.workers.drop(self.name)  # its state is not known: neither after an error, nor with its memory full
+        if isinstance(reply, messages.OutOfMemory):
+            return RunStopped("memout", f"over {self.limits.memory} bytes")
+        return RunStopped("error", reason(reply)[:WORDS])
 
     def repeat(self, worker: Child, result: messages.Result) -> Times:
         """Return the times of the first solve and its repeats.
