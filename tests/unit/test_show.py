@@ -138,7 +138,7 @@ def test_every_law_is_declared() -> None:
 def test_facets_say_the_angle_to_expect(tmp_path: Path, facets: int) -> None:
     path = tmp_path / "contact.h5"
     storage.save(contact(2), path)
-    run("convert", path, tmp_path / "faceted.h5", "--via", f"fc-lcp-inner[facets={facets}]")
+    run("convert", path, tmp_path / "faceted.h5", "--to", "lcp", "--via", f"fc-lcp-inner[facets={facets}]")
     said = run("info", tmp_path / "faceted.h5", "--data")
     assert said.startswith("lcp: ")
     assert "(47)-(48), approximate, from fc" in said
