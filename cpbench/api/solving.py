@@ -15,10 +15,9 @@ from cpbench.conversions.base import Conversion
 from cpbench.errors import Ended, NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.programs import NLP
-from cpbench.foundation.text import read_brackets, some_of
+from cpbench.foundation.text import read_brackets
 from cpbench.graph import EXACT
 from cpbench.solvers import clock, warming
-from cpbench.solvers.automatic import automatic_solvers
 from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
@@ -29,8 +28,6 @@ UNASKED_SECONDS = 0.5
 """Longest search, in seconds, for each proof that no solver claims, where no answer meets the tolerance."""
 SOLVE, JUDGE = "solve", "judge"
 """Phases of `solve_there`."""
-TAKERS = 6
-"""The most solvers of others that are named."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
         raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
     way = way_to(problem, solver)
     warming.warm_up_quickly(way.solver)
-    return advised(solve_there(problem, way, tolerance, seconds)[0])
+    return solve_there(problem, way, tolerance, seconds)[0]
 
 
 def way_to(
@@ -132,7 +129,7 @@ def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kin
             return way
         refused.append(f"{name}: {why}")
     tried = f" (tried: {refused[0]})" if refused else ""
-    raise NoRoute(f"no solver of cpbench takes this problem ({problem.node}): {direct_takers(problem)}{tried}")
+    raise NoRoute(f"no solver of cpbench takes this problem ({problem.node}): {_takers(problem)}{tried}")
 
 
 def _brought(
@@ -260,48 +257,12 @@ def _proof(
     return found
 
 
-def advised(solution: Solution) -> Solution:
-    """Return the solution; where the automatic choice ends without any answer, its message says who else takes the
-    problem."""
-    failed = solution.status is Status.FAILED and solution.point is None
-    if not failed or solution.solver not in automatic_solvers().values():
-        return solution
-    advice = other_takers(solution.problem)
-    return replace(solution, message="; ".join(filter(None, (solution.message, advice))))
-
-
-def other_takers(problem: Problem) -> str:
-    """Say which installed solvers of others take a problem: as it is, else by the nearest exact conversions; '' where
-    none does."""
-    if names := _takers(problem, native=False):
-        return f"name a solver that takes it as it is: {some_of(names, TAKERS)}"
-    for node in _nearest(problem):
-        try:
-            arrival = graph.arrive(problem, node)
-        except NoRoute:
-            continue
-        if names := _takers(arrival.problem, native=False):
-            return f"name a solver that takes it by {arrival.route.label}: {some_of(names, TAKERS)}"
-    return ""
-
-
-def direct_takers(problem: Problem) -> str:
+def _takers(problem: Problem) -> str:
     """Say which installed solvers take a problem as it is."""
-    names = _takers(problem, native=True)
+    of_node = (
+        one for one in solvers if one.spec.node == problem.node and one.spec.by_default and not missing(one.spec)
+    )
+    names = [one.spec.name for one in of_node if one.obstacle(problem) is None]
     if not names:
         return f"name a solver; cpbench list solvers {problem.node} has those that take it as it is"
     return f"name a solver that takes it as it is: {', '.join(names)}"
-
-
-def _takers(problem: Problem, *, native: bool) -> list[str]:
-    """Return installed solvers of the formulation that do not refuse the problem; those of cpbench if `native`."""
-    of_node = (one for one in solvers if one.spec.node == problem.node and one.spec.by_default)
-    asked = (one for one in of_node if (native or one.origin != "native") and not missing(one.spec))
-    return [one.spec.name for one in asked if one.obstacle(problem) is None]
-
-
-def _nearest(problem: Problem) -> list[str]:
-    """Return the other formulations that paths of conversions lead to, those at the least cost first."""
-    others = (node for node in graph.reachable(problem.node) if node != problem.node)
-    costs = {node: routes[0].cost for node in others if (routes := graph.candidates(problem.node, node))}
-    return sorted(costs, key=costs.__getitem__)

@@ -14,7 +14,7 @@ from typing import Any
 
 from cpbench import graph, storage
 from cpbench.api.solution import Solution
-from cpbench.api.solving import JUDGE, Way, advised, solve_there, way_to
+from cpbench.api.solving import JUDGE, Way, solve_there, way_to
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.places import located
@@ -160,7 +160,7 @@ def _answered(asked: SolveRequest, work: Work) -> Answered:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
         refused = replace(known, status=str(status), message=str(refusal))
         return Answered(asked.address, problem.name, problem.node, label, asked.tolerance, refused)
-    return _of(asked.address, advised(solution), there, known)
+    return _of(asked.address, solution, there, known)
 
 
 def _way(problem: Problem, asked: SolveRequest) -> Way:

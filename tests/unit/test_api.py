@@ -294,31 +294,6 @@ def test_an_unknown_family_is_called_one() -> None:
         cpbench.gallery["american-puts"]
 
 
-@pytest.fixture
-def no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Solvers that earlier tests of this process have registered, some of which take any program, are not there."""
-    solvers.discover()
-    kept = {name: one for name, one in solvers._items.items() if one.origin != "plugin"}
-    monkeypatch.setattr(solvers, "_items", kept)
-
-
-@pytest.mark.usefixtures("no_plugins")
-@pytest.mark.needs("cpbench_solvers")
-def test_where_the_automatic_choice_refuses_a_program_others_that_take_it_are_named() -> None:
-    """On [-1, 2]^2, z1^2 - 1.5 z2^2 + z1 + 0.5 z2 has the stationary points z1 = -1/2, z2 in {-1, 1/6, 2}."""
-    saddle = formulations.QP.build(np.diag([2.0, -3.0]), [1.0, 0.5], lb=[-1.0, -1.0], ub=[2.0, 2.0])
-    refused = cpbench.solve(saddle)
-    assert refused.status == Status.FAILED
-    _, _, named = refused.message.partition("name a solver that takes it by qp-nlp: ")
-    assert "scipy-slsqp" in named.split(", ")
-    found = cpbench.solve(saddle, "scipy-slsqp")
-    assert found.status == Status.STATIONARY
-    assert found.point.z[0] == pytest.approx(-0.5, abs=1e-6)
-    assert min(abs(found.point.z[1] - z) for z in (-1.0, 1.0 / 6.0, 2.0)) < 1e-6
-    convex = formulations.QP.build(np.diag([2.0, 3.0]), [1.0, 0.5], lb=[-1.0, -1.0], ub=[2.0, 2.0])
-    assert "name a solver" not in cpbench.solve(convex).message
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_where_no_solver_of_cpbench_takes_a_program_the_message_begins_with_those_that_do() -> None:
     """The least product of two unknowns of which a product is bounded below: no map is affine."""
