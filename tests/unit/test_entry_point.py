@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import cpbench
-from cpbench.solvers.external.builds import toml_lines
+from cpbench.solvers.external.builds import as_toml
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -41,5 +41,6 @@ def test_the_version_to_cite_is_that_of_the_package() -> None:
 
 
 def test_every_key_of_toml_is_read_as_it_was_written() -> None:
-    table = {"omega": 1, "a b": 2, "a.b": 3, "": 4, "ä": 5, 'q"': 6, "x=y": 7, "[s]": 8}
-    assert tomllib.loads("\n".join(toml_lines(table))) == table
+    options = {"omega": 1, "a b": 2.5, "a.b": "\x7f", "": float("inf"), "ä": True, 'q"': 6, "x=y": 7, "[s]": 8}
+    table = {"serve": "./mine", "options": options}
+    assert tomllib.loads(as_toml({"mine@base": table})) == {"solver": {"mine@base": table}}

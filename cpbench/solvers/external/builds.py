@@ -2,8 +2,8 @@
 
     $ python -m cpbench.solvers.external.builds base ../before mine.toml
     [solver."mine@base"]
-    serve = "/ci/before/build/mine --serve"
-    cwd = "/ci/before"
+    "serve" = "/ci/before/build/mine --serve"
+    "cwd" = "/ci/before"
 
 ROOT is a checkout and PLUGIN a file in it, in words of ROOT. The tables of two checkouts, in one file for `--plugin`,
 are two builds in one run, each pair of them on the same problem at about the same time. A program is the one of its
@@ -18,7 +18,6 @@ import argparse
 import dataclasses
 import json
 import os
-import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -90,37 +89,25 @@ def _defaults(options: Any) -> dict[str, Any]:
 
 
 def as_toml(found: Tables) -> str:
-    """Return the tables in a file that `--plugin` takes."""
-    return "\n".join(
-        "\n".join([f"[solver.{toml_value(name)}]", *toml_lines(table), ""]) for name, table in found.items()
-    )
+    """Return the tables in a file that `--plugin` takes; every key is quoted, as any may be.
 
-
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-"""Keys that TOML takes without quotes."""
-
-
-def toml_lines(table: Mapping[str, Any]) -> list[str]:
-    """Return keys of a table, a line each; a key that may not stand bare is quoted.
-
-    >>> toml_lines({"omega": 1.2, "a b": True, "": 3})
-    ['omega = 1.2', '"a b" = true', '"" = 3']
+    >>> print(as_toml({"mine@base": {"serve": "./mine", "options": {"omega": 1.5, "a b": True}}}), end="")
+    [solver."mine@base"]
+    "serve" = "./mine"
+    "options" = {"omega" = 1.5, "a b" = true}
     """
-    return [f"{key if _BARE.fullmatch(key) else toml_value(key)} = {toml_value(entry)}" for key, entry in table.items()]
+    lines: list[str] = []
+    for name, table in found.items():
+        lines += [f"[solver.{_value(name)}]", *(f"{_value(key)} = {_value(entry)}" for key, entry in table.items()), ""]
+    return "\n".join(lines)
 
 
-def toml_value(entry: Any) -> str:
-    """Return a value in TOML: texts are those of JSON save one character, a mapping is an inline table.
-
-    >>> toml_value([1e-6, "a\\nb", True]), toml_value({"A": float("inf"), "B": 3})
-    ('[1e-06, "a\\\\nb", true]', '{"A" = inf, "B" = 3}')
-    """
+def _value(entry: Any) -> str:
+    """Return a value in TOML: texts are those of JSON save one character, a mapping is an inline table."""
     if isinstance(entry, Mapping):
-        return "{" + ", ".join(f"{toml_value(key)} = {toml_value(item)}" for key, item in entry.items()) + "}"
-    if isinstance(entry, list):
-        return f"[{', '.join(toml_value(item) for item in entry)}]"
+        return "{" + ", ".join(f"{_value(key)} = {_value(item)}" for key, item in entry.items()) + "}"
     if isinstance(entry, float):
-        return repr(float(entry))
+        return repr(entry)
     return json.dumps(entry, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
