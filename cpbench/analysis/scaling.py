@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
+from scipy.special import stdtrit
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.summary import size_ranges
@@ -74,13 +75,14 @@ def scaling(group: pd.DataFrame, symbol: str, level: float = 0.95) -> pd.DataFra
 
 def _fitted(x: Floats, y: Floats, level: float) -> dict[str, float]:
     """Return the line through logarithms by least squares: slope with its interval, standard error, intercept."""
-    from scipy import stats  # takes a tenth of a second to import
-
-    found = stats.linregress(x, y)
-    reach = float(stats.t.ppf(0.5 + level / 2, len(x) - 2) * found.stderr)
-    slope = float(found.slope)
+    centred, freedom = x - x.mean(), len(x) - 2
+    spread = float(centred @ centred)
+    slope = float(centred @ y) / spread
+    rest = y - y.mean() - slope * centred
+    error = math.sqrt(float(rest @ rest) / (freedom * spread))
+    reach = float(stdtrit(freedom, 0.5 + level / 2)) * error
     ends = {"low": slope - reach, "high": slope + reach}
-    return {"slope": slope, **ends, "error": float(found.stderr), "intercept": float(found.intercept)}
+    return {"slope": slope, **ends, "error": error, "intercept": float(y.mean() - slope * x.mean())}
 
 
 def line(record: pd.Series[Any]) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 BIAS = 0.02
 """Standard deviation of the log of a process's own factor on all its times, an assumption that is reported. Where it is
@@ -86,7 +86,7 @@ class Noise:
         """
         error = math.hypot(self.bias, spread)
         freedom = (ASSUMED + 1.0) * (error / self.bias) ** 4 if math.isfinite(self.equal) else math.inf
-        return float(stats.t.isf(alpha / 2, freedom)) * error
+        return -float(stdtrit(freedom, alpha / 2)) * error
 
     @property
     def strays(self) -> float:

@@ -18,7 +18,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from cpbench.analysis import bootstrap
 from cpbench.analysis.comparison.gates import PairVerdict
@@ -88,7 +88,7 @@ def mean_ratio(
     codes = pd.factorize(cluster, sort=True)[0]
     mean = bootstrap.intervals(logs, np.ones_like(logs), (codes, k), level=LEVEL, seed=seed, expanded=False)
     estimate, low, high = (float(mean.at[0, name]) for name in ("estimate", "low", "high"))
-    wider = float(stats.t.ppf((1 + LEVEL) / 2, k - 1)) / _Z * math.sqrt(k / (k - 1)) if k > 1 else math.nan
+    wider = float(stdtrit(k - 1, (1 + LEVEL) / 2)) / _Z * math.sqrt(k / (k - 1)) if k > 1 else math.nan
     ends = (math.exp(estimate + wider * (end - estimate)) for end in (low, high))
     return math.exp(estimate), *ends, count  # type: ignore[return-value]
 
