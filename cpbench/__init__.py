@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from types import ModuleType
     from typing import Any
 
-    from cpbench.api.gallery import gallery as gallery
     from cpbench.api.modelled import Modelled as Modelled
     from cpbench.api.modelled import from_boxed_lcp as from_boxed_lcp
     from cpbench.api.modelled import from_cvxpy as from_cvxpy
@@ -79,7 +78,6 @@ _HOMES = {
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",
-    "gallery": "api.gallery",
     "Claim": "solvers.base",
     "Budget": "solvers.base",
     "Status": "verification",

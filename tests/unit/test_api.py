@@ -199,9 +199,7 @@ def test_answers_from_anywhere_are_measured() -> None:
 
 def test_built_in_problems_are_loaded_by_their_names() -> None:
     one = cpbench.load("builtin/lcp/american-put.h5::american-put-100")
-    assert one.fingerprint == cpbench.gallery["american-put"][0].fingerprint
-    assert "american-put" in cpbench.gallery
-    assert "no-such-family" not in cpbench.gallery
+    assert (one.name, one.sizes()) == ("american-put-100", {"n": 100})
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -215,12 +213,11 @@ def test_solvers_are_listed_by_formulation() -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_notebook_shows_law_verdict_and_families() -> None:
+def test_a_notebook_shows_law_and_verdict() -> None:
     assert "0 ≤ z ⟂" in str(LCP._repr_html_())
     shown = cpbench.solve(LCP, "lemke")._repr_html_()
     assert "two: solved" in shown
     assert "measured" in shown
-    assert "american-put" in cpbench.gallery._repr_html_()
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -287,11 +284,6 @@ def test_solvers_of_a_problem_are_a_list_that_reads_as_a_table() -> None:
     assert listed.names == [spec.name for spec in cpbench.list_solvers("lcp")]
     assert repr(listed).count("\n") == len(listed) - 1
     assert listed._repr_html_().count("<tr>") == len(listed) + 1
-
-
-def test_an_unknown_family_is_called_one() -> None:
-    with pytest.raises(UnknownName, match="unknown family 'american-puts': did you mean american-put"):
-        cpbench.gallery["american-puts"]
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import cpbench
+from cpbench.generators.collection import builtin_folder
 
 NOTEBOOK = Path(__file__).resolve().parents[2] / "docs" / "quickstart.ipynb"
 CELLS = ["".join(c["source"]) for c in json.loads(NOTEBOOK.read_text("utf-8"))["cells"] if c["cell_type"] == "code"]
@@ -29,9 +30,11 @@ def test_it_is_short_and_names_what_there_is() -> None:
 
 @pytest.mark.needs("cpbench_solvers")
 def test_its_problems_and_solvers_are_there() -> None:
-    """The texts in it that are to name a family or a solver do."""
+    """The texts in it that are to name a file or a solver do."""
     texts = {n.value for n in ast.walk(ast.parse("\n".join(CELLS))) if isinstance(n, ast.Constant)}
-    assert {"american-put", "lcp-planted"} <= texts & set(cpbench.gallery)
+    files = {text for text in texts if str(text).startswith("builtin/") and "::" not in str(text)}
+    assert len(files) == 2
+    assert all((builtin_folder() / file.removeprefix("builtin/")).is_file() for file in files)
     names = {spec.name for spec in cpbench.list_solvers("lcp")}
     assert len(texts & names) == 3
 
