@@ -264,14 +264,11 @@ def _counters(reported: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
         try:
             number = operator.index(value)
         except TypeError:
-            notes.append(f"the counter {name} is no integer: {value!r:.50}")
-            continue
-        if number < 0:
-            notes.append(f"the counter {name} is negative, and not kept")
-        elif number.bit_length() > 63:
-            notes.append(f"the counter {name} has {number.bit_length()} bits, 63 are kept")
-        else:
+            number = -1
+        if 0 <= number < 2**63:
             counters[name] = number
+        else:
+            notes.append(f"the counter {name} is no integer from 0 to 2^63, and not kept")
     if len(reported) > COUNTERS:
         notes.append(f"{len(reported)} counters, the first {COUNTERS} are kept")
     return counters, notes

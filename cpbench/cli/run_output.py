@@ -34,7 +34,7 @@ def announce(assembly: Assembly) -> None:
     to run."""
     allowed = address_space_allowed()
     lines: list[str] = []
-    if any(allowed < (pair.limits.memory or 0) + address_space() for pair in assembly.pairs):
+    if any(allowed < pair.limits.memory + address_space() for pair in assembly.pairs):
         lines.append(
             f"the system allows a process {allowed / 2**30:.3g} GiB of address space (ulimit -v), less than the memory "
             "limit of a solve: solvers get what is left of it"

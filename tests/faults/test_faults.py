@@ -86,7 +86,7 @@ EXPECTED: dict[str, tuple[str, int | None, str]] = {  # status, signal, part of 
     "none": ("error", None, "returned a NoneType"),
     "other-point": ("error", None, "answered with a MLCPPoint"),
     "no-claim": ("error", None, "claims 'splendid'"),
-    "counters": ("solved", None, "the counter iterations is no integer: 2.5"),
+    "counters": ("solved", None, "the counter iterations is no integer from 0 to 2^63, and not kept"),
     "tally": ("solved", None, "100000 counters, the first 100 are kept"),
     # after a right answer
     "then-abort": ("solved", None, "a repeat failed: killed by SIGABRT"),

@@ -52,7 +52,7 @@ SERVED: dict[str, tuple[str, float | None, float | None, str]] = {  # status, si
     "memory": ("memout", None, None, "over 1073741824 bytes"),
     "eat": ("memout", None, None, "MemoryError"),
     "infeasible": ("failed", None, None, ""),
-    "odd": ("solved", None, None, "the counter iterations is no integer: 2.5"),
+    "odd": ("solved", None, None, "the counter iterations is no integer from 0 to 2^63, and not kept"),
     "nan": ("wrong", None, None, ""),
     "missing": ("error", None, None, "its answer z is missing, expected 3 numbers"),
     "size": ("error", None, None, "its answer z has shape (2,), expected 3 numbers"),

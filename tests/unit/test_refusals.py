@@ -124,7 +124,7 @@ def test_twin_keys_of_json_are_refused(tmp_path: Path) -> None:
 def test_negative_counters_are_not_kept() -> None:
     kept, notes = _counters({"pivots": -7, "sweeps": 0, "steps": 12})
     assert kept == {"sweeps": 0, "steps": 12}
-    assert notes == ["the counter pivots is negative, and not kept"]
+    assert notes == ["the counter pivots is no integer from 0 to 2^63, and not kept"]
 
 
 def test_new_lines_in_names_are_text() -> None:

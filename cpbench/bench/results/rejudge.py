@@ -130,8 +130,7 @@ def _ended_so(row: Row, blob: bytes | None) -> bool:
     if blob is None or row.status != verification.Status.TIMEOUT:
         return False
     seconds = [*json.loads(row.samples or "[]"), row.solve or 0.0]
-    limit = math.inf if row.seconds is None else row.seconds
-    return (row.setup or 0.0) + max(seconds) > limit
+    return (row.setup or 0.0) + max(seconds) > row.seconds
 
 
 def _target(row: Row, factor: float) -> verification.Verdict | None:

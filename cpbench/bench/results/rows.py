@@ -30,7 +30,7 @@ class Planned:
     ----------
     key : identity of the pair. sizes, options : JSON objects. set : the part of the plan. solver : its name; label :
     with options and route request. measure : the number that decides, None for all. start : the start policy.
-    seconds, memory [bytes], threads, repeats_asked : the limits, None where they are not known.
+    seconds, memory [bytes], threads, repeats_asked : the limits.
     """
 
     key: str
@@ -50,10 +50,10 @@ class Planned:
     start: str
     sequence: str
     step: int
-    seconds: float | None
-    memory: int | None
-    threads: int | None
-    repeats_asked: int | None
+    seconds: float
+    memory: int
+    threads: int
+    repeats_asked: int
 
     @staticmethod
     def of(pair: Pair) -> Planned:
@@ -175,26 +175,18 @@ LIMITS = {"seconds": "timeout", "memory": "memory", "threads": "threads", "repea
 """The columns of limits, by the name that an option gives them."""
 
 
-def limits_of(row: Planned) -> tuple[float | None, int | None, int | None, int | None]:
+def limits_of(row: Planned) -> tuple[float, int, int, int]:
     """Return the limits of a row, in the order of `LIMITS`."""
     return row.seconds, row.memory, row.threads, row.repeats_asked
 
 
-def agree(old: tuple[Any, ...], asked: tuple[Any, ...]) -> bool:
-    """Return whether results with these limits may share a file; an unknown old limit (None) agrees with any."""
-    return all(a is None or a == b for a, b in zip(old, asked, strict=True))
-
-
-def difference(name: str, old: tuple[Any, ...], asked: tuple[Any, ...]) -> str:
-    """Return why a file refuses limits that do not `agree` with the old ones of set `name`."""
-    for limit, before, now in zip(LIMITS.values(), old, asked, strict=True):
-        if before is not None and before != now:
-            origin = f"set '{name}' was made" if name else "was made"
-            return (
-                f"{origin} with {limit} {before:.12g}, now {now:.12g}; results of other limits do not mix: use another "
-                "file with -o"
-            )
-    return "was made with other limits"
+def difference(name: str, old: tuple[float, ...], asked: tuple[float, ...]) -> str:
+    """Return why a file refuses limits that are not the old ones of set `name`."""
+    changes = zip(LIMITS.values(), old, asked, strict=True)
+    limit, before, now = next(change for change in changes if change[1] != change[2])
+    what = f"set '{name}' was made" if name else "was made"
+    advice = "results of other limits do not mix: use another file with -o"
+    return f"{what} with {limit} {before:.12g}, now {now:.12g}; {advice}"
 
 
 # ---------------------------------------------------------------------------------------------- kept answers

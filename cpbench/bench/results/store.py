@@ -29,7 +29,6 @@ from cpbench.bench.results.rows import (
     Outcome,
     Planned,
     Row,
-    agree,
     difference,
     limits_of,
 )
@@ -252,7 +251,7 @@ class Store:
             asked = limits_of(row)
             there = self._database.read(f"SELECT {columns} FROM rows WHERE key = ?", (row.key,)) if resumed else []
             before = set(there) or known.setdefault(row.set, {asked})
-            if not any(agree(old, asked) for old in before):
+            if asked not in before:
                 raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), asked)}")
 
     def finish(self, key: str, outcome: Outcome) -> None:
