@@ -99,7 +99,7 @@ class Results:
         Raises UnknownName for what is not there, CpbenchError where the results have several values and need one.
         """
         from cpbench.bench import history
-        from cpbench.report import figure_kinds, plots, run_canvas
+        from cpbench.report import canvas, figure_kinds, plots
         from cpbench.report.chosen import Choice
         from cpbench.report.run import assembled
 
@@ -111,7 +111,7 @@ class Results:
                 raise UnknownName(f"option of the figure {kind}", name, kinds.options)
         choice = Choice(node, tuple(solvers), tuple(families), tolerance, start)
         run = assembled(self._run, Path(), history.table(self._histories))
-        with run_canvas.drawing():
+        with canvas.drawing(formulas=False):
             figure = kinds.draw(run, choice, **options).figure
         setattr(figure, "_repr_png_", lambda: _png(figure))  # noqa: B010  (it came without pyplot, which notebooks know)
         return figure

@@ -140,7 +140,7 @@ def command(
 
     `cpbench plot KIND --help` has the parameters of a kind.
     """
-    from cpbench.report import canvas, run_canvas
+    from cpbench.report import canvas
 
     canvas.require_suffix(output)
     before = [output] if output.exists() else []
@@ -151,7 +151,7 @@ def command(
             raise click.UsageError(f"--{name}: a figure of {'runs' if of_runs else 'problems'} has no such choice")
     own, settings = _parameters(chosen, parameters)
     column = canvas.narrow(width)
-    with run_canvas.drawing() if of_runs else canvas.drawing():
+    with canvas.drawing(formulas=not of_runs):
         drawn = _drawn_run(chosen, own, **settings, **given) if of_runs else _drawn_problem(chosen, own, **given)
         canvas.resize(drawn.figure, width, height)
     with canvas.drawing():

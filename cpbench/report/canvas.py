@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.errors import CpbenchError, FormatError
-from cpbench.report import legend
 from cpbench.report.figure_kinds import Drawing
-from cpbench.report.figures import STYLE as COMMON
 from cpbench.report.text import cut
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLUMN, PAGE = 3.5, 7.0
@@ -27,22 +26,32 @@ COLUMN, PAGE = 3.5, 7.0
 BLUE, RED, GREEN, GREY, FAINT, INK = "#0072B2", "#D55E00", "#009E73", "#8A8A8A", "#DCDCDC", "#1A1A1A"
 """Okabe and Ito's blue, vermilion and green; they differ in grey as well."""
 STYLE: Any = {
-    **COMMON,
-    "text.parse_math": True,
+    "svg.hashsalt": "cpbench",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
     "mathtext.fontset": "dejavusans",
     "mathtext.default": "it",
+    "font.family": "DejaVu Sans",
     "font.size": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,
     "xtick.labelsize": 7,
     "ytick.labelsize": 7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
     "axes.edgecolor": "#555555",
     "xtick.color": "#555555",
     "ytick.color": "#555555",
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
     "axes.labelcolor": INK,
     "text.color": INK,
     "lines.solid_capstyle": "round",
-    "pdf.fonttype": 42,
+    "legend.frameon": False,
+    "legend.borderaxespad": 0.3,
+    "legend.labelspacing": 0.35,
 }
 PLATE: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 """Behind a word that stands on lines."""
@@ -51,16 +60,17 @@ NARROW = 4.5
 """Width below which a figure is for one column: legend inside, no guide [in]."""
 LEAST = 1.3
 """Least width and height of a figure [in]."""
-_TITLE, _LINE = 0.30, 0.125
-"""Height of the title and of a line of the guide [in]."""
+LEGEND_LINE = 0.16
+"""Height of a line of a legend beside axes [in]."""
 
 
 @contextmanager
-def drawing() -> Generator[None]:
-    """Make and write a figure in the style of reports (a context)."""
+def drawing(*, formulas: bool = True) -> Generator[None]:
+    """Make and write a figure in the style of reports (a context); without `formulas` all text stands for itself,
+    whatever dollar signs it has."""
     import matplotlib
 
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context({**STYLE, "text.parse_math": formulas}):
         yield
 
 
@@ -100,10 +110,11 @@ def resize(figure: Figure, width: float, height: float) -> None:
         )
     elif narrow(width):
         for axes in figure.axes:
-            legend.inside(axes)
+            legend_inside(axes)
         height = width if math.isnan(height) else height
     else:
-        needed = max((legend.needed(axes) for axes in figure.axes), default=0.0)
+        legends = filter(None, (axes.get_legend() for axes in figure.axes))
+        needed = max((LEGEND_LINE * (len(one.get_texts()) + 2) for one in legends), default=0.0)
         if height < needed:
             raise CpbenchError(f"--height {height:.2g} in: at least {needed:.2g} in are needed here")
     figure.set_size_inches(old_width if math.isnan(width) else width, old_height if math.isnan(height) else height)
@@ -142,21 +153,21 @@ def write(drawn: Drawing, path: Path, *, bare: bool = False, guide: bool = True)
 
     Raises CpbenchError for an unknown suffix, FormatError when it cannot be written.
     """
-    import matplotlib
+    from matplotlib.transforms import Bbox
 
     require_suffix(path)
-    if not bare:
-        _caption(drawn, guide)
+    width, height = drawn.figure.get_size_inches()
+    above, below = (0.0, 0.0) if bare else _caption(drawn, guide)
     metadata: dict[str, Any] = {
         ".png": {"Software": None},
         ".svg": {"Date": None, "Creator": None, "Title": drawn.title.replace("$", "")},
         ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     }[path.suffix.lower()]
     try:
-        with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+        with drawing(), warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name may use any script
             warnings.filterwarnings("error", message="constrained_layout not applied")
-            drawn.figure.savefig(path, metadata=metadata)
+            drawn.figure.savefig(path, metadata=metadata, bbox_inches=Bbox([[0, -below], [width, height + above]]))
     except UserWarning:
         path.unlink(missing_ok=True)
         raise CpbenchError("this size leaves no room for the curves beside their words: more is needed") from None
@@ -164,31 +175,21 @@ def write(drawn: Drawing, path: Path, *, bare: bool = False, guide: bool = True)
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
 
 
-def _caption(drawn: Drawing, guide: bool) -> None:
-    """Make room above and below what is there; a title alone is smaller."""
+def _caption(drawn: Drawing, guide: bool) -> tuple[float, float]:
+    """Put the words above and below the figure; returns the heights that they take [in]. A title alone is smaller."""
     figure = drawn.figure
     width, height = figure.get_size_inches()
     size = 9.0 if guide else 7.0
-    lines = wrapped(drawn.guide, _fits(figure, width - 0.2, 6.5)) if guide else []
     title = wrapped(drawn.title if guide else drawn.short or drawn.title, _fits(figure, width - 0.2, size, "bold"))
-    above = _TITLE + 0.15 * (len(title) - 1) if guide else 0.08 + 0.12 * len(title)
-    below = _LINE * len(lines) + 0.12 if guide else 0.0
-    whole = height + above + below
-    engine: Any = figure.get_layout_engine()
-    if engine is not None:
-        engine.set(rect=(0.0, below / whole, 1.0, height / whole))
-    for axes in figure.axes if engine is None else ():
-        box = axes.get_position(original=True)
-        axes.set_position((box.x0, (box.y0 * height + below) / whole, box.width, box.height * height / whole))
-    for text in figure.texts:
-        x, y = text.get_position()
-        text.set_position((x, (y * height + below) / whole))
-    figure.set_size_inches(width, whole)
-    left = 0.1 / width
-    figure.text(
-        left, 1 - (0.08 if guide else 0.04) / whole, "\n".join(title), fontsize=size, fontweight="bold", va="top"
-    )
-    figure.text(left, 0.06 / whole, "\n".join(lines), fontsize=6.5, color="#444444", va="bottom", linespacing=1.3)
+    place = {"x": 0.1 / width, "fontsize": size, "fontweight": "bold", "va": "bottom"}
+    figure.text(y=1 + (0.07 if guide else 0.04) / height, s="\n".join(title), **place)
+    above = 0.08 + size / 60 * len(title) + (0.07 if guide else 0.0)
+    if not guide:
+        return above, 0.0
+    lines = wrapped(drawn.guide, _fits(figure, width - 0.2, 6.5))
+    place = {"x": 0.1 / width, "fontsize": 6.5, "color": "#444444", "va": "top", "linespacing": 1.3}
+    figure.text(y=-0.06 / height, s="\n".join(lines), **place)
+    return above, 0.125 * len(lines) + 0.12
 
 
 def wrapped(text: str, fits: Callable[[str], bool]) -> list[str]:
@@ -198,13 +199,16 @@ def wrapped(text: str, fits: Callable[[str], bool]) -> list[str]:
     ['where $w z < 0$', 'and so on']
     """
     lines = [""]
-    whole = re.findall(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+", text)
-    for word in (piece for one in whole for piece in _pieces(one, fits)):
+    for word in re.findall(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+", text):
         longer = f"{lines[-1]} {word}" if lines[-1] else word
         if lines[-1] and not fits(longer):
-            lines.append(word)
-        else:
-            lines[-1] = longer
+            lines.append("")
+            longer = word
+        while "$" not in longer and not fits(longer):
+            size = max(1, next(k for k in range(len(longer)) if not fits(longer[: k + 1])))
+            lines[-1:] = [longer[:size], ""]
+            longer = longer[size:]
+        lines[-1] = longer
     return lines
 
 
@@ -225,14 +229,16 @@ def _fits(figure: Figure, width: float, size: float, weight: str = "normal") -> 
     return fits
 
 
-def _pieces(word: str, fits: Callable[[str], bool]) -> list[str]:
-    """Split a word without formulas into parts that fit."""
-    pieces: list[str] = []
-    while "$" not in word and not fits(word):
-        size = max(1, next(k for k in range(len(word)) if not fits(word[: k + 1])))
-        pieces.append(word[:size])
-        word = word[size:]
-    return [*pieces, word]
+def legend_inside(axes: Axes) -> None:
+    """Put the legend beside the axes into them, where it covers least, with the curves that have a label alone."""
+    outside = axes.get_legend()
+    if outside is None:
+        return
+    title = outside.get_title().get_text().partition("  ")[0]
+    outside.remove()
+    if axes.get_legend_handles_labels()[0]:
+        frame: Any = {"frameon": True, "framealpha": 0.85, "edgecolor": "none", "borderpad": 0.3, "labelspacing": 0.25}
+        axes.legend(loc="best", title=f"({title})", fontsize=6.5, title_fontsize=6.5, handlelength=1.8, **frame)
 
 
 def joined(parts: Sequence[str], last: str = "and") -> str:

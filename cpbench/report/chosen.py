@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -18,8 +18,12 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.metrics import MetricValues, measured, metric
 from cpbench.analysis.participation import participating
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.report.figure_kinds import Drawing
 from cpbench.report.run import Run
 from cpbench.report.text import counted, listed_plainly, one_line, seconds
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FIELDS = {"node": "formulations", "set": "sets", "start": "starts", "measure": "measures", "threads": "thread counts"}
 
@@ -87,6 +91,11 @@ class SelectedRows:
             f"limit {limit}; {self.starts or 'start not recorded'}. Solved: the error that we measure on the problem "
             "asked for is at most the tolerance, whatever the solver says."
         )
+
+    def drawing(self, figure: Figure, title: str, guide: str) -> Drawing:
+        """Return a figure with its words and its scope; no character of them starts a formula."""
+        words = (title, f"{guide} {self.conditions()}", self.scope())
+        return Drawing(figure, *(one_line(text).replace("$", r"\$") for text in words))
 
 
 def choose(run: Run, choice: Choice) -> SelectedRows:

@@ -1,93 +1,150 @@
-"""Figures made from the curves of `analysis`, the same bytes for the same data on the same matplotlib.
-
-The object interface with the Agg canvas is used throughout: no pyplot, no global state, no window.
-"""
+"""Curves of solvers in figures of runs: their looks, their legend, and the axes that they share."""
 
 from __future__ import annotations
 
-import warnings
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from cpbench.analysis.profiles import Curve, Profile
 from cpbench.formulations.base import Kind
-from cpbench.report import legend
-from cpbench.report.legend import EMPHASISED, LINES
-from cpbench.report.text import counted
+from cpbench.report import canvas
+from cpbench.report.text import counted, cut
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+PALETTE = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288"
+)  # fmt: skip
+"""Okabe and Ito's colours (different with every common colour blindness), without the yellow that white swallows; then
+wine, olive and indigo of Tol's muted scheme."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
+GREY, DIM = "#A6A6A6", "#666666"
+"""Colour of the curves that are not emphasised, and of what a legend says of them."""
+EMPHASISED = 7
+"""Curves drawn in colour and with a marker; further ones are grey."""
+LINES = 20
+"""The most curves that a legend names; the grey ones beyond are counted."""
+LINE = 0.19
+"""Height of a line of a legend [in]."""
+DASHES: Any = (0, (4, 2))
+FIGURE_SPACE = "\N{FIGURE SPACE}"
+"""As wide as a digit."""
 MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NECESSARY): "?"}
 """Sign of a route that promises less than an answer, behind the label."""
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
-ACROSS = "τ: time / fastest time (failures: ∞), log scale"
 LABEL_LENGTH = 30
 POINTS, GREY_POINTS = 1_000, 500
 """The most corners of a curve, in colour and in grey: none is off by more than this part of the axis, less than the
 width of its line."""
 TICKS = ((100, (1,)), (8, (1, 2, 5)), (3, (1, 2, 3, 4, 6, 8)), (0, range(1, 10)))
 """Of a logarithmic axis within a decade, by the least ratio of its ends: so few that their labels do not touch."""
-STYLE = {
-    "text.parse_math": False,  # a label is text, whatever dollar signs it has
-    "svg.hashsalt": "cpbench",
-    "svg.fonttype": "path",
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-}
 
 
-def profile_guide(problems: int, cost: str = "time", least: str = "the fastest") -> str:
-    """Explain how to read a performance profile, in one sentence."""
-    best = "the fastest solver" if least == "the fastest" else least
-    ahead = "it was the fastest" if least == "the fastest" else "it needed least"
-    return (
-        f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved "
-        f"within τ times the {cost} of {best} of that problem: at the left end the fraction where {ahead}, "
-        "at the right end the fraction it solved at all."
-    )
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve and its line in the legend: the number in front of its label, the corners, the `place` of its look (None:
+    grey), and whether it is dashed."""
+
+    label: str
+    number: str
+    x: Any
+    y: Any
+    place: int | None
+    dashed: bool = False
+
+
+def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
+    """Return how a curve is drawn: colour and marker of its place (`analysis.looks`), grey and thin without one."""
+    dashes = DASHES if dashed else "-"
+    if place is None:
+        return {"color": GREY, "linewidth": 0.9, "linestyle": dashes}
+    marker = MARKERS[(place + place // len(PALETTE)) % len(MARKERS)]
+    return {"color": colour(place), "linewidth": 1.7, "linestyle": dashes, "marker": marker, "markersize": 4.2}
+
+
+def colour(place: int) -> str:
+    """Return the colour of a look."""
+    return PALETTE[place % len(PALETTE)]
+
+
+def with_room(curves: int, notes: int = 3) -> tuple[Figure, Axes]:
+    """Create a figure two columns wide with axes and room for the legend of so many curves beside them."""
+    height = max(2.9, LINE * (min(curves, LINES) + notes + 1.5) + 0.3)
+    figure = canvas.page(canvas.PAGE, height, constrained=True)
+    return figure, figure.subplots()
+
+
+def draw_lines(axes: Axes, lines: Sequence[Line], steps: bool = True, **coloured: Any) -> None:
+    """Draw curves, the first in front; those in colour have their words for a legend. `coloured` : of their looks."""
+    wide = max((len(line.number) for line in lines), default=0)
+    for k, line in enumerate(lines):
+        style, layer = look(line.place, line.dashed), 2.0
+        if line.place is not None:
+            style |= {"markevery": (0, max(1, len(line.x) // 6)), "label": _words(line, wide)} | coloured
+            layer = 5.0 if line.dashed else 4.0  # between its dashes, what lies under it shows
+        how = "steps-post" if steps else "default"
+        axes.plot(line.x, line.y, drawstyle=how, **style, zorder=layer - k / len(lines))
+
+
+def _words(line: Line, wide: int) -> str:
+    return f"{line.number.rjust(wide, FIGURE_SPACE)}  {line.label}"
+
+
+def legend_beside(axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[str] = ()) -> None:
+    """Name the curves right of the axes, for which the layout makes room; LINES of them, those in colour first."""
+    from matplotlib.lines import Line2D
+
+    grey = [line.label for line in lines if line.place is None]
+    unnamed = grey[max(0, LINES - len(lines) + len(grey)) :]
+    named = [line for line in lines if line.label not in unnamed]
+    texts = [f"and {len(unnamed)} more in grey"] if unnamed else []
+    for note in notes:
+        texts += textwrap.wrap(note, 40)
+    wide = max((len(line.number) for line in named), default=0)
+    axes.legend(
+        [*(Line2D([], [], **look(line.place, line.dashed)) for line in named), *[Line2D([], [], ls="")] * len(texts)],
+        [*(_words(line, wide) for line in named), *texts],
+        labelcolor=[*(DIM if line.place is None else "#111111" for line in named), *[DIM] * len(texts)],
+        loc="upper left", bbox_to_anchor=(1.0, 1.0), title=head, title_fontsize=7.8, fontsize=8, alignment="left",
+    )  # fmt: skip
+
+
+def profile_lines(
+    profile: Profile,
+    curves: Sequence[Curve],
+    coloured: Sequence[str],
+    looks: Mapping[str, int],
+    kinds: Mapping[str, str],
+) -> list[Line]:
+    """Return the curves of a profile that solved something, those `coloured` with their looks."""
+    lines: list[Line] = []
+    for curve in curves:
+        if curve.solved:
+            place = looks[curve.label] if curve.label in coloured else None
+            tau, height = curve.outline(right_end(profile), GREY_POINTS if place is None else POINTS)
+            dashed = kinds.get(curve.label, "") in INEXACT
+            lines.append(Line(marked(curve.label, kinds), str(curve.solved), tau, height, place, dashed))
+    return lines
 
 
 def profile_axes(
-    axes: Axes,
-    profile: Profile,
-    kinds: Mapping[str, str],
-    looks: Mapping[str, int],
-    across: str = "",
-    most: int = LINES,
+    axes: Axes, profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int], across: str = "τ"
 ) -> None:
-    """Draw curves with their legend beside them, the leading ones in colour.
-
-    Parameters
-    ----------
-    across : label of the axis of τ, where the cost is not the time. most : lines of the legend.
-    """
-    curves = [c for c in profile.by_height() if c.solved]
-    places = {label: looks[label] for label in profile.leading(EMPHASISED)}
-    upto = right_end(profile)
-    for curve in reversed(curves):
-        place, dashed = places.get(curve.label), kinds.get(curve.label, "") in INEXACT
-        tau, height = curve.outline(upto, GREY_POINTS if place is None else POINTS)
-        layer = 2 if place is None else 5 if dashed else 4  # between its dashes, what lies under it shows
-        marks: dict[str, Any] = {} if place is None else {"markevery": (0, max(1, len(tau) // 6)), "clip_on": False}
-        axes.plot(tau, height, drawstyle="steps-post", **legend.look(place, dashed), **marks, zorder=layer)
-    frame(axes, upto, 12)
-    axes.set_xlabel(across or ACROSS, fontsize=8.5)
+    """Draw a profile with its legend beside it, the leading curves in colour. `across` : label of the axis of τ."""
+    lines = profile_lines(profile, profile.by_height(), profile.leading(EMPHASISED), looks, kinds)
+    draw_lines(axes, lines, clip_on=False)
+    profile_scales(axes, profile, 12)
+    axes.set_xlabel(across)
     axes.set_ylabel(f"fraction of the {counted(profile.problems, 'problem')} solved")
-    if not curves:
+    if not lines:
         nothing(axes, "no problem was solved")
-    lines = [
-        legend.LegendLine(
-            marked(curve.label, kinds), str(curve.solved), places.get(curve.label), kinds.get(curve.label) in INEXACT
-        )
-        for curve in curves
-    ]
-    legend.beside(axes, "solved   sorted by problems solved", lines, _notes(profile.curves, kinds), most)
+    legend_beside(axes, "solved   sorted by problems solved", lines, _notes(profile.curves, kinds))
 
 
 def _notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
@@ -99,94 +156,52 @@ def _notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     return [text for text in (signs, unsolved) if text]
 
 
+def profile_scales(axes: Axes, profile: Profile, ticks: int) -> None:
+    """Set the scales, ticks and grid that every profile has; about so many ticks of τ."""
+    upto = right_end(profile)
+    powers = 2.0 ** np.arange(np.log2(upto) + 1)
+    powers = powers[:: 1 + len(powers) // ticks]
+    axes.set_xscale("log", base=2)
+    axes.set_xticks(powers, [power_text(power) for power in powers])
+    axes.minorticks_off()
+    axes.set_xlim(1.0, upto)
+    axes.set_ylim(0.0, 1.0)
+    axes.grid(True)
+
+
 def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str]) -> None:
     """Set up a logarithmic axis with a grid; ticks at decades, or more often where these are few."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+    from matplotlib.ticker import LogLocator
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     low, high = axis.get_view_interval()
-    subs = next(subs for least, subs in TICKS if high >= least * low)
-    axis.set_major_locator(LogLocator(10.0, subs=subs))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_minor_formatter(NullFormatter())
-    axes.grid(True, color="#E4E4E4", linewidth=0.6)
-    axes.set_axisbelow(True)
+    axis.set_major_locator(LogLocator(10.0, subs=next(subs for least, subs in TICKS if high >= least * low)))
+    axis.set_major_formatter(lambda value, _: text(value))
+    axis.minorticks_off()
+    axes.grid(True)
 
 
 def nothing(axes: Axes, why: str) -> None:
     """Say in an empty axes why it is empty."""
-    axes.text(0.5, 0.5, why, transform=axes.transAxes, ha="center", fontsize=12, color="#666666")
-
-
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write `name`.png and .svg, without dates or versions in them; gives their paths. A figure for print is made by
-    `cpbench plot`: a PDF takes twice as long as both.
-    """
-    import matplotlib
-
-    paths = [folder / f"{name}.{suffix}" for suffix in ("png", "svg")]
-    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # a label may use any script
-        figure.savefig(paths[0], metadata={"Software": None})
-        figure.savefig(paths[1], metadata={"Date": None, "Creator": None})
-    return paths
+    axes.text(0.5, 0.5, why, transform=axes.transAxes, ha="center", fontsize=12, color=DIM)
 
 
 def right_end(profile: Profile) -> float:
     """Return the next power of two beyond the last step, so that every curve ends flat."""
-    end = 2.0
-    while end <= profile.widest * 1.05:
-        end *= 2.0
-    return end
-
-
-def frame(axes: Axes, upto: float, ticks: int) -> None:
-    """Set the scales, ticks and grid that every profile has."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-
-    axes.set_xscale("log", base=2)
-    axes.set_xlim(1.0, upto)
-    axes.set_ylim(0.0, 1.0)
-    axes.xaxis.set_major_locator(FixedLocator(powers(upto, ticks)))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
-    axes.set_yticks([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
-    axes.grid(True, color="#E4E4E4", linewidth=0.6)
-    axes.set_axisbelow(True)
-
-
-def powers(upto: float, ticks: int) -> list[float]:
-    """Return powers of two from 1 to `upto`, about so many.
-
-    >>> powers(1024.0, 5)
-    [1.0, 8.0, 64.0, 512.0]
-    """
-    found = [2.0**k for k in range(0, 64) if 2.0**k <= upto]
-    return found[:: 1 + len(found) // ticks]
+    return max(2.0, 2.0 ** np.ceil(np.log2(profile.widest * 1.05)))
 
 
 def marked(label: str, kinds: Mapping[str, str], length: int = LABEL_LENGTH) -> str:
     """Format a label that fits, with the sign of its route."""
-    return "\N{NO-BREAK SPACE}".join(filter(None, (shorten(label, length), MARKS.get(kinds.get(label, "")))))
+    return "\N{NO-BREAK SPACE}".join(filter(None, (cut(label, length), MARKS.get(kinds.get(label, "")))))
 
 
 def power_text(value: float) -> str:
-    """Format a ratio as the axis writes it.
+    """Format a power of two as the axis writes it.
 
     >>> power_text(8.0), power_text(2.0**20)
     ('8', '2²⁰')
     """
-    exponent = round(value).bit_length() - 1
+    exponent = round(np.log2(value))
     return f"{value:g}" if value < 10_000 else "2" + str(exponent).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def shorten(label: str, length: int = LABEL_LENGTH) -> str:
-    """Shorten a label so that it fits into a figure.
-
-    >>> shorten("nsgs[omega=1.2]", 8)
-    'nsgs[om…'
-    """
-    label = " ".join(label.split())
-    return label if len(label) <= length else label[: length - 1] + "…"

@@ -22,7 +22,7 @@ from cpbench.analysis.profiles import Profile, performance_profile
 from cpbench.analysis.ranking import Ranking, formulation, rankings
 from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
-from cpbench.report.legend import PALETTE
+from cpbench.report.figures import PALETTE
 from cpbench.report.text import counted, one_line, plain, solve_command
 from cpbench.verification import Status
 

@@ -29,7 +29,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.table import CONTRADICTED, ResultGroup
-from cpbench.report.legend import EMPHASISED
+from cpbench.report.figures import EMPHASISED
 from cpbench.report.run import ComparedTimes, ProblemOrigin, Run
 from cpbench.report.templating import Table
 from cpbench.report.text import cut, number, seconds

@@ -15,7 +15,7 @@ from cpbench.bench.results.store import Store
 from cpbench.cli.plot_command import command as plot
 from cpbench.cli.types import LENGTH
 from cpbench.errors import CpbenchError
-from cpbench.report import canvas, run_canvas
+from cpbench.report import canvas
 from cpbench.report.chosen import Choice
 from cpbench.report.figure_kinds import find
 from cpbench.report.run import assembled
@@ -51,7 +51,7 @@ def test_a_figure_for_a_column_gives_the_plot_the_room(results: Path, tmp_path: 
     assert "\ncaption: The height of a curve at τ is the fraction" in done.output
     with Store(results) as store:
         run = assembled(RunTable.of(store.table(), store.meta()), tmp_path)
-    with run_canvas.drawing():
+    with canvas.drawing(formulas=False):
         made = find("cpbench.report.plots", "profile").draw(run, Choice())
         canvas.resize(made.figure, 89 / 25.4, math.nan)
         made.figure.draw_without_rendering()

@@ -20,7 +20,7 @@ from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
 from cpbench.cli.plot_command import packages
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.report import figures, legend, run_canvas
+from cpbench.report import canvas, figures
 from cpbench.report.chosen import Choice, choose
 from cpbench.report.figure_kinds import Drawing, find, summaries
 from cpbench.report.run import Run, assembled
@@ -38,7 +38,7 @@ ALL = Choice()
 
 
 def draw(kind: str, run: Run, choice: Choice = ALL, **options: Any) -> Drawing:
-    with run_canvas.drawing():
+    with canvas.drawing(formulas=False):
         return find(ROOM, kind).draw(run, choice, **options)
 
 
@@ -48,7 +48,7 @@ def lines(drawn: Drawing, axes: int = 0) -> list[Any]:
 
 def of_colour(drawn: Drawing, place: int, axes: int = 0) -> Any:
     """The data of the curve with a look."""
-    look = legend.look(place)
+    look = figures.look(place)
     (found,) = [
         line for line in lines(drawn, axes) if (line.get_color(), line.get_marker()) == (look["color"], look["marker"])
     ]
@@ -91,8 +91,8 @@ def test_a_solver_has_one_look_in_all_figures_whatever_is_shown() -> None:
     for chosen in ((), (label, other), (label,)):
         of_colour(draw("profile", run, Choice(solvers=chosen)), run.looks[label])
     assert len(set(run.looks.values())) == len(run.looks)
-    leading = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(legend.EMPHASISED)
-    assert len({legend.colour(run.looks[name]) for name in leading}) == len(leading)
+    leading = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(figures.EMPHASISED)
+    assert len({figures.colour(run.looks[name]) for name in leading}) == len(leading)
 
 
 def recorded() -> tuple[pd.DataFrame, pd.DataFrame]:

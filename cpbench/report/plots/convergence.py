@@ -13,7 +13,7 @@ import pandas as pd
 from cpbench.analysis import histories
 from cpbench.analysis import table as rows_of
 from cpbench.errors import CpbenchError
-from cpbench.report import canvas, figures, legend, run_canvas
+from cpbench.report import canvas, figures
 from cpbench.report.chosen import Choice, choose, matching
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.plots.precision import dress, require_histories
@@ -39,31 +39,28 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     iterates = iterates[iterates["error"] < math.inf]
     paths = {str(label): path for label, path in iterates.groupby("label")}
     ends = sorted(paths, key=lambda label: (float(paths[label]["error"].min()), label))
-    places = {label: chosen.looks[label] for label in ends[: legend.EMPHASISED]}
-    figure, axes = run_canvas.with_legend(len(ends), notes=2)
-    for label in reversed(ends):
-        path, place = paths[label], places.get(label)
-        marks = {} if place is None else {"markevery": max(1, len(path) // 8)}
-        axes.plot(path["seconds"], path["error"].clip(lower=FLOOR), **legend.look(place), **marks, zorder=3)
+    lines: list[figures.Line] = []
+    figure, axes = figures.with_room(len(ends), notes=2)
+    for k, label in enumerate(ends):
+        path, place = paths[label], chosen.looks[label] if k < figures.EMPHASISED else None
+        corners = path["seconds"], path["error"].clip(lower=FLOOR)
+        lines.append(figures.Line(cut(label, figures.LABEL_LENGTH), f"{path['error'].min():.0e}", *corners, place))
         if reported and place is not None:
-            colour = legend.colour(place)
+            colour = figures.colour(place)
             axes.plot(path["seconds"], path["residual"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
+    figures.draw_lines(axes, lines, steps=False)
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
     dress(axes)
     axes.set_xlabel("time, conversion and set-up included, log scale")
     axes.set_ylabel("judged error of the iterate")
-    lines = [
-        legend.LegendLine(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label))
-        for label in ends
-    ]
-    legend.beside(axes, "least error   lowest first", lines, ["dashed: the tolerance"], run_canvas.LINES)
+    figures.legend_beside(axes, "least error   lowest first", lines, ["dashed: the tolerance"])
     guide = (
         f"Each mark and corner is an iterate of a solve of {problem}: its time, and its error as cpbench judges it "
         "on the original problem; iterates are kept at growing intervals, so that a time is an upper bound."
         + (" Dotted: the solver's own residual, on its own scale." if reported else "")
     )
     title = f"Convergence on {cut(problem, 40)} ({one_line(chosen.node)}), {counted(len(ends), 'solver')}"
-    return run_canvas.drawn(figure, f"{title}, tolerance {chosen.tolerance:g}", guide, chosen)
+    return chosen.drawing(figure, f"{title}, tolerance {chosen.tolerance:g}", guide)
 
 
 def _of_one(rows: pd.DataFrame, paths: pd.DataFrame, name: str) -> tuple[pd.DataFrame, str]:

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from cpbench.analysis import histories
 from cpbench.errors import CpbenchError
-from cpbench.report import figures, legend, run_canvas
+from cpbench.report import figures
 from cpbench.report.chosen import Choice, SelectedRows, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.run import Run
-from cpbench.report.text import listed_plainly, seconds
+from cpbench.report.text import cut, listed_plainly, seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,14 +28,13 @@ def draw(run: Run, choice: Choice) -> Drawing:
     """Draw one curve a solver with histories, the one that gets furthest in the first colour."""
     chosen = choose(run, choice)
     require_histories(chosen)
-    work_precision = histories.work_precision(chosen.rows, chosen.histories)
-    figure, axes = run_canvas.with_legend(work_precision["label"].nunique(), notes=1)
-    _curves(axes, work_precision, chosen.problems, chosen.looks)
+    found = histories.work_precision(chosen.rows, chosen.histories)
+    figure, axes = figures.with_room(found["label"].nunique(), notes=1)
+    _curves(axes, found, chosen.problems, chosen.looks)
     axes.set_xlabel("time, conversion and set-up included, log scale")
-    without = sorted(set(chosen.rows["label"]) - set(work_precision["label"]))
+    without = sorted(set(chosen.rows["label"]) - set(found["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""
-    guide = f"{guide_of(chosen.problems)}{left_out}"
-    return run_canvas.drawn(figure, f"Error against time, {chosen.scope()}", guide, chosen)
+    return chosen.drawing(figure, f"Error against time, {chosen.scope()}", guide_of(chosen.problems) + left_out)
 
 
 def require_histories(chosen: SelectedRows) -> None:
@@ -67,20 +66,17 @@ def _curves(axes: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, 
         (label for label, own in curves.items() if len(own)),
         key=lambda label: (float(curves[label]["error"].min()), float(curves[label]["seconds"].max()), label),
     )
-    places = {label: looks[label] for label in drawn[: legend.EMPHASISED]}
-    for label in reversed(drawn):
-        own, place = curves[label], places.get(label)
-        marks: dict[str, Any] = {} if place is None else {"markevery": 8}
-        axes.plot(own["seconds"], own["error"], drawstyle="steps-post", **legend.look(place), **marks, zorder=3)
+    lines: list[figures.Line] = []
+    for k, label in enumerate(drawn):
+        own, place = curves[label], looks[label] if k < figures.EMPHASISED else None
+        words = cut(label, figures.LABEL_LENGTH), f"{own['error'].min():.0e}"
+        lines.append(figures.Line(*words, own["seconds"], own["error"], place))
+    figures.draw_lines(axes, lines)
     dress(axes)
     axes.set_ylabel("judged error" if problems == 1 else "judged error, on half of the problems")
     if not drawn:
         figures.nothing(axes, "no error was reached on half of the problems")
-    lines = [
-        legend.LegendLine(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label))
-        for label in drawn
-    ]
-    legend.beside(axes, "least error   lowest end first", lines)
+    figures.legend_beside(axes, "least error   lowest end first", lines)
 
 
 def dress(axes: Axes) -> None:

@@ -13,11 +13,11 @@ import pandas as pd
 from cpbench.analysis import scaling
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.foundation.text import counted
-from cpbench.report import canvas, figures, legend, run_canvas
+from cpbench.report import canvas, figures
 from cpbench.report.chosen import Choice, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.run import Run
-from cpbench.report.text import number, one_line, seconds
+from cpbench.report.text import cut, number, seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +67,7 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
         "and its 95 % interval, problems taken as independent; where large problems are triangles, b is too small."
         + (f" Not shown: {counted(more, 'more solver')} that solved fewer." if more else "")
     )
-    return run_canvas.drawn(figure, f"Time against {symbol}, {chosen.scope()}", guide, chosen)
+    return chosen.drawing(figure, f"Time against {symbol}, {chosen.scope()}", guide)
 
 
 def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
@@ -75,9 +75,9 @@ def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
     axes.plot(points["x"], points["seconds"], linestyle="none", marker=".", markersize=2.5, color="#D4D4D4", zorder=1)
     own = points[points["label"] == record["label"]]
     done, stopped = own[~own["stopped"]], own[own["stopped"]]
-    colour = legend.PALETTE[0]
+    colour = figures.PALETTE[0]
     axes.plot(done["x"], done["seconds"], linestyle="none", marker="o", markersize=3.2, color=colour, zorder=3)
-    open_look = {"markerfacecolor": "white", "markeredgecolor": legend.PALETTE[1], "markersize": 4.5}
+    open_look = {"markerfacecolor": "white", "markeredgecolor": figures.PALETTE[1], "markersize": 4.5}
     axes.plot(stopped["x"], stopped["seconds"], linestyle="none", marker="^", **open_look, zorder=3)
     figures.log_axis(axes, "x", number)
     figures.log_axis(axes, "y", seconds)
@@ -85,6 +85,6 @@ def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
     if not record["reason"]:
         axes.plot(*scaling.line(record), color=canvas.INK, linewidth=1.1, zorder=4)
         slope_text = f"b = {record['slope']:.2f} [{record['low']:.2f}, {record['high']:.2f}]"
-    axes.set_title(figures.shorten(one_line(record["label"]), 24), fontsize=7.5, loc="left", pad=12)
+    axes.set_title(cut(record["label"], 24), fontsize=7.5, loc="left", pad=12)
     axes.text(0.0, 1.03, slope_text, transform=axes.transAxes, fontsize=6.5, color="#444444", va="bottom")
     axes.tick_params(labelsize=6)
