@@ -17,8 +17,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import table as rows_of
-
 COLUMNS = ("key", "time", "iteration", "residual", "error", "share")
 ERRORS = tuple(float(f"{10.0 ** (-k / 4):.6e}") for k in range(57))
 """Quarter decades from 1 to 1e-14, whole ones exact."""
@@ -26,7 +24,6 @@ BEFORE = ("convert", "setup", "lift")
 """Parts of a solver's time besides its solve, of which the history has a share."""
 
 Array: TypeAlias = np.ndarray[tuple[int], np.dtype[Any]]
-Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
 def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
@@ -54,21 +51,22 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     `reached` counts the problems on which an iterate was that good; `seconds` is the median time over all problems of
     the group, those that were not reached counting as ∞. Errors that a label reached nowhere have no row.
     """
-    paths = _Paths(rows, histories)
+    place, seconds, kept = _charged(rows, histories)
+    error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
     levels = sorted(e for e in ERRORS if e >= 0.99 * rows["tolerance"].min())
-    tightest = np.searchsorted(levels, paths.error).astype(np.uint8)
-    order = np.argsort(tightest, kind="stable")
-    ends = np.searchsorted(tightest[order], np.arange(len(levels)), side="right")
-    times = paths.never()
-    parts: list[pd.DataFrame] = []
-    for level, begin, end in zip(levels, [0, *ends[:-1]], ends, strict=True):
-        # what was as good as a tighter level is as good as this one
-        np.minimum.at(times.reshape(-1), paths.pair[order[begin:end]], paths.seconds[order[begin:end]])
-        reached = np.isfinite(times).sum(axis=0)
-        median = np.median(times, axis=0) if len(times) else np.full(len(reached), math.nan)
-        parts.append(pd.DataFrame({"label": paths.labels, "error": level, "reached": reached, "seconds": median}))
-    whole = pd.concat(parts, ignore_index=True)
-    return whole[whole["reached"] > 0].sort_values(["label", "error"], ascending=[True, False], ignore_index=True)
+    iterates = rows[["label", "fingerprint"]].iloc[place].assign(level=np.searchsorted(levels, error), seconds=seconds)
+    first = iterates.groupby(["level", "label", "fingerprint"])["seconds"].min()
+    pairs = pd.MultiIndex.from_product([sorted(iterates["label"].unique()), sorted(rows["fingerprint"].unique())])
+    # what was as good as a tighter level is as good as this one
+    times = first.unstack("level").reindex(index=pairs, columns=range(len(levels))).fillna(math.inf).cummin(axis=1)
+    by_label = times.groupby(level=0, sort=True)
+    found = pd.DataFrame(
+        {"reached": np.isfinite(times).groupby(level=0).sum().stack(), "seconds": by_label.median().stack()}
+    )
+    found = found.rename_axis(["label", "level"]).reset_index()
+    found = found.assign(error=np.array(levels)[found["level"].to_numpy(dtype=int)])
+    whole = found[found["reached"] > 0].sort_values(["label", "error"], ascending=[True, False], ignore_index=True)
+    return whole[["label", "error", "reached", "seconds"]]
 
 
 def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array, Array]:
@@ -85,21 +83,3 @@ def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array,
     share, time = (histories.loc[kept, name].to_numpy(dtype=float) for name in ("share", "time"))
     rest = np.nansum(rows[list(BEFORE)].to_numpy(dtype=float), axis=1)[place]
     return place, np.where(np.isnan(solve), time, share * solve) + rest, kept
-
-
-class _Paths:
-    """The iterates of a group's rows: the place of their pair in the matrix of problems × labels with a history,
-    seconds and error."""
-
-    def __init__(self, rows: pd.DataFrame, histories: pd.DataFrame) -> None:
-        place, self.seconds, kept = _charged(rows, histories)
-        self.error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
-        code, names = rows_of.codes(rows["label"])
-        recorded = np.bincount(code[place], minlength=len(names)) > 0
-        problem, problems = rows_of.codes(rows["fingerprint"])
-        self.labels, self.problems = names[recorded].rename("label"), problems.rename("fingerprint")
-        self.pair = (problem * len(self.labels) + (np.cumsum(recorded) - 1)[code])[place]
-
-    def never(self) -> Matrix:
-        """Return a matrix of ∞: nothing was ever reached."""
-        return np.full((len(self.problems), len(self.labels)), math.inf)

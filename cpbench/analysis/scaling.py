@@ -75,14 +75,11 @@ def scaling(group: pd.DataFrame, symbol: str, level: float = 0.95) -> pd.DataFra
 
 def _fitted(x: Floats, y: Floats, level: float) -> dict[str, float]:
     """Return the line through logarithms by least squares: slope with its interval, standard error, intercept."""
-    centred, freedom = x - x.mean(), len(x) - 2
-    spread = float(centred @ centred)
-    slope = float(centred @ y) / spread
-    rest = y - y.mean() - slope * centred
-    error = math.sqrt(float(rest @ rest) / (freedom * spread))
-    reach = float(stdtrit(freedom, 0.5 + level / 2)) * error
-    ends = {"low": slope - reach, "high": slope + reach}
-    return {"slope": slope, **ends, "error": error, "intercept": float(y.mean() - slope * x.mean())}
+    (slope, intercept), covariance = np.polyfit(x, y, 1, cov=True)
+    error = float(np.sqrt(covariance[0, 0]))
+    reach = float(stdtrit(len(x) - 2, 0.5 + level / 2)) * error
+    ends = {"low": float(slope) - reach, "high": float(slope) + reach}
+    return {"slope": float(slope), **ends, "error": error, "intercept": float(intercept)}
 
 
 def line(record: pd.Series[Any]) -> tuple[Floats, Floats]:

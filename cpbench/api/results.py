@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from cpbench.analysis.ranking import Ranking
 
 
-HEAD = ("solver", "solved", "lost", "median [s]", "× fastest", "error", "route")
-"""Columns of a ranking in a notebook."""
 MAGIC = b"SQLite format 3\x00"
 """First bytes of a results file."""
 
@@ -178,21 +176,14 @@ class Results:
         return list(filter(None, [self._run.disturbance]))
 
     def _repr_html_(self) -> str:
+        from cpbench.report.page import as_html
+        from cpbench.report.tables import ranking_table
+
         parts = [f"<p>{html.escape(line)}</p>" for line in (*self._contradicted, *self._disturbed)]
         for ranking in self.rankings:
-            head = "".join(f"<th>{name}</th>" for name in HEAD)
-            rows = "".join(
-                f"<tr><td>{html.escape(row.solver)}</td><td>{row.solved} of {row.counted}</td>"
-                f"<td>{row.lost or ''}</td><td>{_shown(row.median)}</td><td>{_shown(row.factor)}</td>"
-                f"<td>{_shown(row.error)}</td><td>{html.escape(row.route)}</td></tr>"
-                for row in ranking.shown
-            )
-            parts.append(f"<p>{html.escape(ranking.sentence)}</p><table><tr>{head}</tr>{rows}</table>")
+            table = as_html(ranking_table(ranking.shown).markdown)
+            parts.append(f"<p>{html.escape(ranking.sentence)}</p>{table}")
         return "".join([*parts, *(f"<p>{html.escape(remark)}</p>" for remark in self.remarks)])
-
-
-def _shown(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else ""
 
 
 def _png(figure: Figure) -> bytes:

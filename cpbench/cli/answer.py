@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,18 +9,18 @@ from pathlib import Path
 import click
 
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
-from cpbench.analysis.ranking import RankedSolver, Ranking
+from cpbench.analysis.ranking import Ranking
 from cpbench.analysis.run_table import RunTable, quotation
 from cpbench.api.concluding import contradiction_lines
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width
-from cpbench.report.text import counted, number, seconds
+from cpbench.foundation.text import counted
 
 LINES = 30
 """The most lines on what could not be run."""
 FEW = 3
 """The most formulations without a route to some solver that have a line each."""
-HEAD = ("", "solver", "solved", "lost", "median", "× fastest", "error", "route", "")
+HEAD = ("", "solver", "solved", "lost", "median", "× fastest", "error", "route", "remarks")
 LOST, ROUTE, WARNINGS = 3, 7, 8
 """Numbers of columns."""
 NONE, GAP = "·", 2
@@ -80,6 +79,9 @@ def _print_rankings(rankings: Sequence[Ranking]) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from cpbench.report.tables import ranking_table
+    from cpbench.report.templating import AS_TEXT
+
     lines: list[Sequence[Text]] = []
     for ranking in rankings:
         shown = ranking.rows[: MOST if len(rankings) <= FEW else BEST]
@@ -88,13 +90,16 @@ def _print_rankings(rankings: Sequence[Ranking]) -> None:
         beside = [Text(ranking.formulation, style="bold"), Text(ranking.problems_and_starts), Text(more)]
         if len(shown) == 1:
             beside[0].append(f", {ranking.problems_and_starts}")
-        for row in shown:
-            lines.append([beside.pop(0) if beside else Text(), *map(Text, _cells(row))])
+        made = ranking_table(shown)
+        columns = [list(made.forms).index(name) for name in HEAD[1:]]
+        for cells in made.cells(AS_TEXT):
+            lines.append([beside.pop(0) if beside else Text(), *(Text(cells[k]) for k in columns)])
     if not lines:
         return
     room = width() or WIDE
     # numbers are never cut: routes have the room that is left, and warnings fold
-    widths = [max(len(name), *(len(line[k]) for line in lines)) for k, name in enumerate(HEAD)]
+    heads = [*HEAD[:WARNINGS], ""]
+    widths = [max(len(name), *(len(line[k]) for line in lines)) for k, name in enumerate(heads)]
     fixed = [k for k in range(ROUTE) if k != LOST or any(line[k].plain != NONE for line in lines)]
     left = room - sum(widths[k] + GAP for k in fixed)
     warned = any(line[WARNINGS].plain for line in lines)
@@ -106,7 +111,7 @@ def _print_rankings(rankings: Sequence[Ranking]) -> None:
     if ROUTE in shown:
         table.add_column(HEAD[ROUTE], no_wrap=True, overflow="ellipsis", max_width=left - told - GAP)
     if warned:
-        table.add_column(HEAD[WARNINGS], overflow="fold")
+        table.add_column(overflow="fold")
     for line in lines:
         table.add_row(*(line[k] for k in shown))
     wide = room + max(told - left, 0)  # a narrow terminal breaks lines, rather than that a warning is lost
@@ -115,21 +120,6 @@ def _print_rankings(rankings: Sequence[Ranking]) -> None:
         console.print(table)
     for text in captured.get().splitlines():
         click.echo(text.rstrip())
-
-
-def _cells(row: RankedSolver) -> Sequence[str]:
-    timed = math.isfinite(row.median)
-    more = f" (+{row.others})" if row.others else ""
-    return (
-        row.solver,
-        f"{row.solved} of {row.counted}",
-        str(row.lost or NONE),
-        seconds(row.median) if timed else "—",
-        number(row.factor) if timed else "—",
-        f"{row.error:.1e}" if math.isfinite(row.error) else "—",
-        f"{row.route}{more}",
-        ", ".join(row.warnings),
-    )
 
 
 def _fitted(line: str) -> str:

@@ -155,11 +155,9 @@ def _at(rows: pd.DataFrame, tolerance: float) -> pd.DataFrame:
     """Return the rows at a tolerance, or at the only one."""
     known = sorted(set(rows["tolerance"]))
     listed = ", ".join(f"{value:g}" for value in known)
-    if math.isnan(tolerance):
-        if len(known) > 1:
-            raise CpbenchError(f"the results have {len(known)} tolerances: choose one with --tolerance: {listed}")
-        return rows
-    near = [value for value in known if math.isclose(value, tolerance, rel_tol=1e-9)]
+    near = [value for value in known if math.isnan(tolerance) or math.isclose(value, tolerance, rel_tol=1e-9)]
     if not near:
         raise CpbenchError(f"--tolerance {tolerance:g}: nothing was run at it; there are {listed}")
+    if math.isnan(tolerance) and len(known) > 1:
+        raise CpbenchError(f"the results have {len(known)} tolerances: choose one with --tolerance: {listed}")
     return rows[rows["tolerance"] == near[0]]

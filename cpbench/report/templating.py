@@ -12,7 +12,7 @@ from typing import Any
 import jinja2
 import pandas as pd
 
-from cpbench.report.text import code, counted, cut, listed, number, plain, seconds
+from cpbench.report.text import code, counted, cut, listed, number, one_line, plain, seconds
 
 FORMS: Mapping[str, Callable[[Any], str]] = {
     "text": lambda value: plain(value) or "—",
@@ -28,6 +28,8 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     "power": lambda value: f"{value:.1e}" if math.isfinite(value) else "—",
 }
 """How a value is written as Markdown, by the name of its form."""
+AS_TEXT: Mapping[str, Callable[[Any], str]] = {**FORMS, **dict.fromkeys(("text", "blank", "code", "cell"), one_line)}
+"""The same as plain text."""
 WORDS = ("text", "blank", "code", "codes")
 """Forms of text; columns of all others are aligned to the right."""
 _BAR = re.compile(r"(?<!\\)\|")
@@ -53,9 +55,9 @@ class Table:
         """Return the first rows."""
         return Table(self.frame.head(most), self.forms, self.note)
 
-    def cells(self) -> list[list[str]]:
-        """Return the cells as Markdown."""
-        columns = [[FORMS[form](value) for value in self.frame[name]] for name, form in self.forms.items()]
+    def cells(self, forms: Mapping[str, Callable[[Any], str]] = FORMS) -> list[list[str]]:
+        """Return the cells as Markdown, or `AS_TEXT`."""
+        columns = [[forms[form](value) for value in self.frame[name]] for name, form in self.forms.items()]
         return [list(row) for row in zip(*columns, strict=True)]
 
     @property
