@@ -212,18 +212,18 @@ class NodeTable(Mapping[str, T], Generic[T]):
 
     Parameters
     ----------
-    trait : what an entry is, in `cpbench doctor --node`. without : what does not work for a node without an entry.
+    entry : what an entry is, for messages.
     """
 
-    def __init__(self, trait: str, without: str) -> None:
-        self.trait, self.without = trait, without
+    def __init__(self, entry: str) -> None:
+        self.entry = entry
         self._entries: dict[str, T] = {}
 
     def enter(self, entry: T, *nodes: str) -> T:
         """Enter `entry` for some nodes; raises DuplicateName where one of them has another entry."""
         for node in nodes:
             if self._entries.setdefault(node, entry) is not entry:
-                raise DuplicateName(f"{self.trait} of '{node}' is defined twice: remove one")
+                raise DuplicateName(f"{self.entry} of '{node}' is defined twice: remove one")
         return entry
 
     def of(self, *nodes: str) -> Callable[[T], T]:

@@ -14,24 +14,16 @@ from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import solvers
-from cpbench.testing.node_traits import trait_table
 
 
 @click.command()
 @click.option("--warm", is_flag=True, help="Compile and load every solver and conversion now.")
-@click.option("--node", metavar="NAME", help="Say instead what a formulation has, and what it lacks.")
-def command(warm: bool, node: str | None) -> None:
+def command(warm: bool) -> None:
     """Say what works on this machine, and how to install what does not.
 
     The package of every solver is imported in a separate process, so that a package that crashes or hangs is reported
     and the command goes on.
     """
-    if node is not None:
-        if warm:
-            raise click.UsageError("--node takes no --warm: it compiles nothing")
-        line, rows = trait_table(node)
-        print_lines([line, *table(rows)])
-        return
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     click.echo("limits       killed with all it started half a second later at most")

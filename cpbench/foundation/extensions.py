@@ -7,7 +7,7 @@ Groups of entry points, and what stands behind a name in each:
 - ``cpbench.commands``: a click command of the command line. The first paragraph of its module's docstring is its help.
   A name as ``results.NAME`` is one of the group ``cpbench results``;
 - ``cpbench.functions``: a function or class, offered as ``cpbench.NAME``;
-- ``cpbench.hooks``: a function that cpbench's own commands call, as ``doctor --node`` does;
+- ``cpbench.hooks``: a function that cpbench's own commands call, as ``info`` does;
 - ``cpbench.executors``: a module that connects a run to other machines (`bench/run`);
 - ``cpbench.figures``: a package of modules, each with a kind of figure (`report/figure_kinds`): of runs where its name
   is ``runs``, else of problems.

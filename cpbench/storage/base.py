@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Info, Point, Problem
-from cpbench.registry import NodeTable, Registry
+from cpbench.registry import Registry
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
@@ -38,7 +38,7 @@ class Format(ABC):
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
     by_suffix : whether a file is written in this format because its name ends in one of `suffixes`.
     keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
-    starting points. table : how it writes each formulation, where a package may enter its own.
+    starting points.
     """
 
     name: ClassVar[str]
@@ -48,7 +48,6 @@ class Format(ABC):
     by_suffix: ClassVar[bool] = True
     keeps_provenance: ClassVar[bool] = False
     keeps_guesses: ClassVar[bool] = False
-    table: ClassVar[NodeTable[Any] | None] = None
 
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cpbench.formulations.base import Problem
 from cpbench.formulations.conic import ConicProblem
+from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.registry import NodeTable
@@ -39,8 +41,8 @@ def _scaled(F: Map, unit: float) -> Map:
     return record.map(record(F, record.z) * unit)
 
 
-CHANGES: NodeTable[tuple[str, str]] = NodeTable("change of unit", "no check in other units")
-"""By node: the data, and the parts of an answer, that are multiplied."""
+CHANGES: NodeTable[tuple[str, str]] = NodeTable("change of unit")
+"""Data, and parts of an answer, that are multiplied, by node."""
 for _node, _rows in {
     "lcp": ("M q", ""),
     "mlcp": ("A B C D a b", ""),
@@ -62,44 +64,15 @@ for _node, _rows in {
     CHANGES.enter(_rows, _node)
 
 
-SYMBOLS: NodeTable[dict[str, tuple[str, ...]]] = NodeTable("order of dimensions", "no check of another numbering")
-"""Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
-for _node, _counts in {
-    "lcp": {"n": ("z",)},
-    "mlcp": {"n": ("u",), "m": ("v",)},
-    "qp": {"n": ("z", "nu"), "m": ("lam",), "k": ("mu",)},
-    "fc": {"m": ("r",), "nc": ()},
-    "gfc": {"n": ("v",), "m": ("r",), "nc": (), "p": ("lam",)},
-    "fcm": {"m": ("r",), "nc": (), "p": ("lam",)},
-    "rfc": {"m": ("r",), "nc": ()},
-    "grfc": {"n": ("v",), "m": ("r",), "nc": (), "p": ("lam",)},
-    "afc": {"m": ("r",), "nc": ()},
-    "relay": {"n": ("z",)},
-    "avi": {"n": ("z",), "m": ("lam",), "k": ("mu",)},
-    "soclcp": {"n": ("x",), "k": ()},
-    "coneqp": {"n": ("x",), "m": ("y",), "k": ()},
-    "ncp": {"n": ("z",)},
-    "micp": {"n": ("z",)},
-    "equation": {"n": ("z",)},
-    "nlp": {"n": ("z", "nu"), "m": ("lam",), "k": ("mu",)},
-    "vi": {"n": ("z",), "m": ("lam",), "k": ("mu",), "p": ("nu",), "c": ()},
-    "ge": {"n": ("z",), "c": ()},
-    "cp": {"n": ("x",), "m": ("lam",), "c": ()},
-    "qvi": {"n": ("z",), "p": ("nu",), "c": ()},
-    "nfc": {"n": ("v",), "m": ("r",), "nc": ()},
-}.items():
-    SYMBOLS.enter(_counts, _node)
-
-
 _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 def renumbered(case: Case, seed: int) -> Case | None:
-    """Return the same problem with unknowns, rows and contacts in another order; None for a node that is not known
-    here."""
-    symbols = SYMBOLS.get(case.problem.node)
-    if symbols is None:
+    """Return the same problem with unknowns, rows and contacts in another order; None for a node that is not one of
+    cpbench: the order of its dimensions may have a meaning."""
+    if not type(case.problem).__module__.startswith("cpbench.formulations."):
         return None
+    symbols = _symbols(case.problem)
     rng = np.random.default_rng(seed)
     order = {symbol: rng.permutation(case.problem.sizes()[symbol]) for symbol in symbols}
     if "nc" in order:  # the rows of a contact stay together, normal first
@@ -127,6 +100,16 @@ def renumbered(case: Case, seed: int) -> Case | None:
             data[field.name] = _reordered(getattr(case.problem, field.name), rows, columns)
     parts = {name: getattr(case.point, name)[order[symbol]] for symbol, names in symbols.items() for name in names}
     return Case(case.name, dataclasses.replace(case.problem, **data), type(case.point)(**parts))
+
+
+def _symbols(problem: Problem) -> dict[str, list[str]]:
+    """Return the dimensions whose order has no meaning, with the parts of a point that they count."""
+    symbols: dict[str, list[str]] = {}
+    for part in dataclasses.fields(problem.point_type):
+        symbols.setdefault(part.metadata["size"], []).append(part.name)
+    for counted in ("mu" if isinstance(problem, ContactProblem) else "", "cone_kind"):
+        symbols |= {symbol: [] for symbol in problem.shapes().get(counted, ())[:1]}
+    return symbols
 
 
 def _reordered(F: Map, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Map:

@@ -332,11 +332,9 @@ class System:
         return frame.norms(frame.sets.defect(self.x, self.f, frame.spread(x_unit), frame.spread(f_unit)))
 
 
-ROWS: NodeTable[Callable[[Any, Any], Any]] = NodeTable(
-    "rows for the judge", "residuals of the class decide the verdict"
-)
+ROWS: NodeTable[Callable[[Any, Any], Any]] = NodeTable("rows for the judge")
 """Function of a problem and an answer that returns the answer as a `System`, or at its contacts (`contacts`)."""
-STACKED: NodeTable[bool] = NodeTable("verdicts as arrays", "solve_many judges answers one by one")
+STACKED: NodeTable[bool] = NodeTable("verdicts as arrays")
 """Nodes of which many answers are judged in one go (`stacked`)."""
 _FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
 

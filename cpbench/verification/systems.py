@@ -15,9 +15,7 @@ from cpbench.verification.linear import orientation
 from cpbench.verification.rows import ROWS, STACKED, Frame, System, Terms, kept
 from cpbench.verification.sets import INFINITE, Sets
 
-BOUNDS: NodeTable[Callable[[Any], tuple[Any, Any]]] = NodeTable(
-    "bounds beside F", "verify --all-measures shows no norms of PATH"
-)
+BOUNDS: NodeTable[Callable[[Any], tuple[Any, Any]]] = NodeTable("bounds beside F")
 """Bounds of the unknowns, by formulation: those that are mixed complementarity problems without any conversion."""
 BOUNDS.enter(lambda problem: (0.0, np.inf), "lcp", "ncp")
 BOUNDS.enter(lambda problem: (problem.lb, problem.ub), "relay", "micp")

@@ -39,7 +39,7 @@ class Mixed:
 
 
 AsMixed: TypeAlias = Callable[[Any, Any], tuple[Mixed, Vector]]
-POLYHEDRAL: NodeTable[AsMixed] = NodeTable("polyhedral form", "certify has no exact solution of it")
+POLYHEDRAL: NodeTable[AsMixed] = NodeTable("polyhedral form")
 """Function that returns a problem and a point in this form."""
 CONTACTS = ("fc", "fcm", "gfc")
 """Nodes whose solutions are enclosed in a box contact by contact."""

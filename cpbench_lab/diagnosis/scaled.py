@@ -35,7 +35,7 @@ class Scaled:
     after: float
 
 
-UNITS: NodeTable[Callable[[Any], Scaled]] = NodeTable("change of units", "explain does not try other units")
+UNITS: NodeTable[Callable[[Any], Scaled]] = NodeTable("change of units")
 """Function that returns a problem in units in which its entries are alike."""
 
 

@@ -33,7 +33,7 @@ class Uniform:
     terms: float
 
 
-UNIFORM: NodeTable[Callable[[Any, Any], Uniform | None]] = NodeTable("sizes of one", "explain tries no other magnitude")
+UNIFORM: NodeTable[Callable[[Any, Any], Uniform | None]] = NodeTable("sizes of one")
 """Function that returns a problem with sizes of one, `known` as of `uniform`."""
 
 

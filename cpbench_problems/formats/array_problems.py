@@ -13,7 +13,6 @@ import scipy.sparse as sp
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations import AVI, LCP, QP, ConeQP, FrictionContact
-from cpbench.formulations.applications import boxed_problem, game_problem, least_squares_problem
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
@@ -21,6 +20,7 @@ from cpbench.foundation import matrices, text
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.storage.arrays import SPARSE, sparse_from_parts
 from cpbench.storage.base import OFFSET, build, stem
+from cpbench_problems.applications import boxed_problem, game_problem, least_squares_problem
 from cpbench_problems.formats import array_forms
 from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import (

@@ -48,7 +48,6 @@ class MOF(Format):
     name = "mof"
     summary = "MathOptFormat 1.x (JSON), as JuMP reads it: complementarity problems, quadratic and nonlinear programs"
     suffixes = (SUFFIX,)
-    table = MODELS
     writes = frozenset(MODELS)
 
     def recognises(self, path: Path, head: bytes) -> bool:

@@ -58,7 +58,7 @@ class Written:
             yield json.dumps(to_mof.parameter(name, value))
 
 
-MODELS: NodeTable[Callable[[Any], Written]] = NodeTable("model of MathOptFormat", "not written as .mof.json")
+MODELS: NodeTable[Callable[[Any], Written]] = NodeTable("model of MathOptFormat")
 """Function that makes the parts of a file of a problem."""
 
 

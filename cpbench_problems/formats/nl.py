@@ -43,7 +43,6 @@ class NL(Format):
     name = "nl"
     summary = "AMPL's .nl, text or binary: programs and complementarity problems, as AMPL, Pyomo and JuMP write them"
     suffixes = (SUFFIX,)
-    table = WRITERS
     writes = frozenset(WRITERS)
     text: ClassVar[bool] = True
     encoder: ClassVar[Encoder] = Text()

@@ -55,7 +55,7 @@ class _Written:
     pairs: int = 0
 
 
-WRITERS: NodeTable[Callable[[Any, Encoder], _Written]] = NodeTable("model of .nl", "not written as .nl")
+WRITERS: NodeTable[Callable[[Any, Encoder], _Written]] = NodeTable("model of .nl")
 """Function that makes the parts of a file of a problem."""
 
 

@@ -97,10 +97,3 @@ def test_a_function_of_a_package_is_offered(site: Path, tmp_path: Path) -> None:
     code = "import cpbench; print(cpbench.halved(3.0))"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.stdout == "1.5\n", done.stderr
-
-
-def test_the_doctor_knows_the_formulation_of_a_package(site: Path, tmp_path: Path) -> None:
-    done = _cpbench(site, tmp_path, "doctor", "--node", "sliding")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("sliding: ")
-    assert "rows for the judge" in done.stdout
