@@ -1,8 +1,7 @@
 """Derivatives of a map as maps: lists of operations like any other, made once and evaluated at every z.
 
-Forward: every value carries its derivatives by the unknowns that it hangs on. Reverse: a row at a time, what every
-value does to it (Griewank and Walther, Evaluating Derivatives, 2008, chapters 3 and 7). The one that takes fewer steps
-is taken. The pattern is what the list says, so it is the same for every z.
+They are made in reverse mode, a row at a time: what every value does to it (Griewank and Walther, Evaluating
+Derivatives, 2008, chapter 3). The pattern is what the list says, so it is the same for every z.
 
 At a corner one of the one-sided derivatives or their mean is taken, always the same: |x| has 0 at 0, min and max are
 their first argument where both are equal. Steps have the derivative 0, also where they jump.
@@ -12,7 +11,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -206,8 +205,6 @@ def gradient(to: Algebra, F: Map, inputs: list[int], weights: list[int]) -> Row:
 def jacobian(to: Algebra, F: Map, inputs: list[int]) -> list[Row]:
     """Return the rows of F′ as operations of `to`; z are the values of the numbers `inputs`."""
     work = _Differentiated(to, F, inputs)
-    if _forward_is_shorter(F):
-        return work.forward()
     return [work.backward({end: to.one}) for end in F.outputs.tolist()]
 
 
@@ -234,21 +231,6 @@ class _Differentiated:
             for k, (head, a, b) in enumerate(zip(F.heads.tolist(), self._left, self._right, strict=True))
         ]
         self._moves = moves
-
-    def forward(self) -> list[Row]:
-        to = self._to
-        slopes: list[Row] = [{k: to.one} for k in range(self._F.inputs)]
-        slopes += [{} for _ in range(self._F.constants.size)]
-        for (first, second), a, b in zip(self._factors, self._left, self._right, strict=True):
-            row: Row = {}
-            for factor, inner in ((first, a), (second, b)):
-                if factor is None:
-                    continue
-                for column, number in slopes[inner].items():
-                    part = factor(to, number)
-                    row[column] = to.add(row[column], part) if column in row else part
-            slopes.append({column: number for column, number in row.items() if number != to.zero})
-        return [slopes[end] for end in self._F.outputs.tolist()]
 
     def backward(self, adjoint: Row) -> Row:
         """Return the derivatives of a sum of values, whose weights are `adjoint`."""
@@ -285,47 +267,6 @@ def _moves(F: Map) -> list[bool]:
     for a, b in zip(F.left.tolist(), F.right.tolist(), strict=True):
         moves.append(moves[a] or (b >= 0 and moves[b]))
     return moves
-
-
-def _forward_is_shorter(F: Map) -> bool:
-    """Return whether forward mode is shorter; both are counted in turns until one of them is done."""
-    forward, backward = _forward_steps(F), _backward_steps(F)
-    # in turns, so that counting takes twice the shorter way at most: the other may be as long as all outputs times all
-    # operations
-    here = there = 0
-    while True:
-        if here <= there:
-            step = next(forward, None)
-            if step is None:
-                return True
-            here += step
-        else:
-            step = next(backward, None)
-            if step is None:
-                return False
-            there += step
-
-
-def _forward_steps(F: Map) -> Iterator[int]:
-    reach: list[frozenset[int]] = [frozenset((k,)) for k in range(F.inputs)] + [frozenset()] * F.constants.size
-    for a, b in zip(F.left.tolist(), F.right.tolist(), strict=True):
-        reach.append(reach[a] | reach[b] if b >= 0 else reach[a])
-        yield 1 + len(reach[-1])
-
-
-def _backward_steps(F: Map) -> Iterator[int]:
-    first, left, right = F.inputs + F.constants.size, F.left.tolist(), F.right.tolist()
-    for end in F.outputs.tolist():
-        seen, stack = {end}, [end]
-        while stack:
-            k = stack.pop() - first
-            if k < 0:
-                continue
-            yield 2
-            for inner in (left[k], right[k]):
-                if inner >= 0 and inner not in seen:
-                    seen.add(inner)
-                    stack.append(inner)
 
 
 def _entries(to: Algebra, rows: Sequence[Row]) -> tuple[Map, Index, Index]:

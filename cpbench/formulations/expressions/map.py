@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.expressions.operators import NUMPY, Operator
+from cpbench.foundation.extensions import hook
 from cpbench.foundation.matrices import Sparse, Vector, freeze
 
 if TYPE_CHECKING:
@@ -185,9 +186,7 @@ class Map:
         """Build a map of CasADi SX expressions, or of MX ones that expand to SX; `parameters` are the other symbols by
         name, with their values. Raises ProblemError on an operator or a symbol that a map has not.
         """
-        from cpbench.formulations.expressions.casadi_expressions import read
-
-        return read(variables, outputs, parameters or {})
+        return hook("map_of_casadi")(variables, outputs, parameters or {})
 
     def only(self, values: Sequence[int]) -> Map:
         """Return the map to the values of these numbers."""
@@ -207,9 +206,7 @@ class Map:
 
     def sx(self, z: Any) -> Any:
         """Return F of a CasADi SX column z, as an SX column: to build further maps from."""
-        from cpbench.formulations.expressions.casadi_expressions import express
-
-        return express(self, z)
+        return hook("map_in_casadi")(self, z)
 
 
 class Builder:
