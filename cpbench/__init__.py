@@ -22,10 +22,7 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from typing import Any
 
     from cpbench.api.modelled import Modelled as Modelled
-    from cpbench.api.modelled import from_boxed_lcp as from_boxed_lcp
     from cpbench.api.modelled import from_cvxpy as from_cvxpy
-    from cpbench.api.modelled import from_game as from_game
-    from cpbench.api.modelled import from_least_squares as from_least_squares
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
     from cpbench.api.problems import explain as explain
@@ -48,7 +45,6 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.graph import push as push
     from cpbench.solvers.base import Budget as Budget
     from cpbench.solvers.base import Claim as Claim
-    from cpbench.storage import Recorder as Recorder
     from cpbench.storage import save as save
     from cpbench.verification import Status as Status
     from cpbench.verification import Verdict as Verdict
@@ -61,14 +57,10 @@ _HOMES = {
     "ProductCone": "foundation.cones",
     "load": "api.problems",
     "save": "storage",
-    "Recorder": "storage",
     "solve": "api.solving",
     "Solution": "api.solution",
     "solve_many": "api.solving_many",
     "Solutions": "api.solving_many",
-    "from_game": "api.modelled",
-    "from_least_squares": "api.modelled",
-    "from_boxed_lcp": "api.modelled",
     "from_cvxpy": "api.modelled",
     "Modelled": "api.modelled",
     "convert": "api.problems",

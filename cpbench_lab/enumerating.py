@@ -13,8 +13,8 @@ import numpy as np
 from cpbench import graph, storage
 from cpbench.api.problems import verify
 from cpbench.errors import CpbenchError, FormatError, NoRoute
-from cpbench.formulations.applications import game_sizes, own_unknowns
 from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.foundation.extensions import hook
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.text import counted
 from cpbench.storage.base import write_atomic
@@ -55,7 +55,7 @@ class EverySolution:
     @property
     def own(self) -> list[dict[str, Vector]]:
         """The unknowns of each solution by name: x and y of a game, the parts of the point of any other problem."""
-        return [own_unknowns(self.problem, point) or point.arrays() for point in self.points]
+        return [hook("own_unknowns")(self.problem, point) or point.arrays() for point in self.points]
 
     def _rows(self, parts: Sequence[Mapping[str, Vector]]) -> Dense:
         size = sum(self.problem.point_sizes.values())
@@ -102,8 +102,8 @@ def reply_to(address: str, format: str | None, output: Path | None, force: bool)
     first, *rest = found.lines()
     record: dict[str, Any] = {"problem": name, "endless": found.endless, "route": found.route}
     record["solutions"] = found.x.tolist()
-    if game_sizes(problem) is not None:
-        record["equilibria"] = [{name: part.tolist() for name, part in own.items()} for own in found.own]
+    if (solutions := found.own) and solutions[0].keys() == {"x", "y"}:  # of a game
+        record["equilibria"] = [{name: part.tolist() for name, part in own.items()} for own in solutions]
     if output is not None and found.points:
         found.save(output, force=force)
     lines = [f"{name} ({problem.node}): {first}", *rest]

@@ -18,7 +18,7 @@ from typing import Any
 from cpbench import graph, storage
 from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownName
 from cpbench.formulations.base import Contacts, Problem
-from cpbench.formulations.transfer import BY_ID, BY_ORDER, BY_POSITION, transfer
+from cpbench.formulations.transfer import BY_ID, BY_ORDER, transfer
 from cpbench.foundation.matrices import Vector
 
 EVERY = 0
@@ -206,6 +206,6 @@ def _from_step(problem: Problem, before: Before | None) -> Start:
         found = transfer(before.contacts, before.point, problem)
     except NotApplicable as refusal:
         return Start(None, f"cold: {refusal.obstacle}")
-    if found.how in (BY_ID, BY_POSITION) and found.new and not found.matched:
+    if found.how == BY_ID and found.new and not found.matched:
         return Start(found.point, "previous, no contact matched")
-    return Start(found.point, f"previous, {found.how}" if found.how in (BY_POSITION, BY_ORDER) else "previous")
+    return Start(found.point, f"previous, {found.how}" if found.how == BY_ORDER else "previous")

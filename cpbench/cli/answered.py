@@ -20,9 +20,9 @@ from cpbench.api.solution import objective_of
 from cpbench.bench.results.rows import MEASURED, Outcome
 from cpbench.cli.terminal import columns_of
 from cpbench.errors import CpbenchError, PointError
-from cpbench.formulations.applications import own_unknowns, own_vector
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.foundation import extensions
 from cpbench.foundation.matrices import Vector
 from cpbench.foundation.text import counted, on_one_line, printable
 from cpbench.registry import PLUGIN_FILES
@@ -90,7 +90,7 @@ def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: boo
 def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[str]:
     """Yield the unknowns (of a game x and y, of least squares x and r) and the slacks that belong to them; of more than
     `most` the first, and how many follow."""
-    own = own_unknowns(problem, point)
+    own: Mapping[str, Vector] | None = extensions.hook("own_unknowns")(problem, point)
     parts = dict(own or point.arrays())
     slacks = problem.slacks(point) if point.finite and own is None else {}
     columns = [printable(column) for column in unknowns(problem.info)]
@@ -238,14 +238,13 @@ class Answered:
             yield f"  message    {printable(row.message)}"
 
     def save(self, path: Path, *, force: bool = False) -> None:
-        """Write the answer, as a plain vector (.npy, .csv, .txt) or with its problem and verdict (.h5). The vector of a
-        game, of least squares and of a boxed LCP has the unknowns of these.
+        """Write the answer, as a plain vector (.npy, .csv, .txt) or with its problem and verdict (.h5).
 
         Raises CpbenchError where there is no answer, FormatError where the file exists (unless `force`).
         """
         if self.problem is None or self.point is None:
             raise CpbenchError(f"{self.label}: no answer to write")
-        if not save_vector(self.point, path, force=force, own=own_vector(self.problem, self.point)):
+        if not save_vector(self.point, path, force=force):
             row = self.outcome
             facts = {"solver": self.label, "claim": row.claim, "verdict": row.status}
             facts |= {"residual": row.error, "tolerance": self.tolerance}

@@ -1,8 +1,7 @@
 """The answer to one step of a scene as a start of the next: contacts matched by id, reactions in the new frames.
 
-Where the ids are not known, contacts are matched by position: each the nearest of the other, nearer than half the way
-to any other contact of its own step, and between the same bodies where these are known. Where positions are not known
-either, as many contacts are matched in their order. Where frames are not known, components are kept as they are.
+Where the ids are not known, as many contacts are matched in their order. Where frames are not known, components are
+kept as they are.
 
 r_N, ‖r_T‖ and ‖m‖ of a contact that goes on are kept, so that what was in its cone is. Let R be the least rotation
 that takes the old normal to the new one and T, T' the old and new tangents as rows. Then
@@ -32,7 +31,6 @@ from cpbench.foundation.matrices import Dense, Vector
 
 Index: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 BY_ID, BY_ORDER = "contacts matched by id", "contacts matched by order"
-BY_POSITION = "contacts matched by position"
 ORTHONORMAL = 1e-6
 """Frames are orthonormal up to this: what a file in single precision keeps."""
 
@@ -43,8 +41,7 @@ class Transferred:
 
     Attributes
     ----------
-    point : for the new problem. how : `BY_ID`, `BY_POSITION`, `BY_ORDER` (neither is known, but as many contacts), ""
-    without contacts.
+    point : for the new problem. how : `BY_ID`, `BY_ORDER` (no ids, but as many contacts), "" without contacts.
     matched, new, gone : numbers of contacts.
     """
 
@@ -58,8 +55,8 @@ class Transferred:
 def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Transferred:
     """Carry `point`, an answer to the step before with geometry `contacts`, over as a start for `problem`.
 
-    Raises NotApplicable where nothing says which contact is which: no ids, no positions, and another number; or, for
-    a problem without contacts, another number of unknowns. PointError on an answer of another node.
+    Raises NotApplicable where nothing says which contact is which: no ids, and another number; or, for a problem
+    without contacts, another number of unknowns. PointError on an answer of another node.
     """
     if not isinstance(point, problem.point_type):
         raise PointError(
@@ -81,8 +78,6 @@ def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Trans
         for geometry in (contacts, now):
             _require_unique(geometry.id)
         how, (_, old, new) = BY_ID, np.intersect1d(contacts.id, now.id, return_indices=True)
-    elif contacts is not None and now is not None and contacts.knows("position") and now.knows("position"):
-        how, (old, new) = BY_POSITION, _nearest(contacts, now)
     elif len(before) == nc:
         how, old, new = BY_ORDER, np.arange(nc), np.arange(nc)
     else:
@@ -94,31 +89,6 @@ def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Trans
         r[new] = before[old]
     start = problem.point_type(**{**kept, "r": r.ravel()})
     return Transferred(start, how, len(old), nc - len(old), len(before) - len(old))
-
-
-def _nearest(before: Contacts, after: Contacts) -> tuple[Index, Index]:
-    """Return the indices of the contacts that are the same by their positions, in both steps."""
-    from scipy.spatial import KDTree  # a tenth of a second, where it is needed
-
-    for geometry in (before, after):
-        if not np.isfinite(geometry.position).all():
-            raise NotApplicable("transfer", "a position of a contact is not finite, and there are no ids")
-    if not before.count or not after.count:
-        return np.zeros(0, np.intp), np.zeros(0, np.intp)
-    there, here = KDTree(before.position), KDTree(after.position)
-    distance, old = there.query(after.position)
-    _, back = here.query(before.position)
-    new = np.arange(after.count)
-    own = np.minimum(_spacing(there, before)[old], _spacing(here, after))
-    same = (np.asarray(back)[old] == new) & (distance < 0.5 * own)
-    if before.knows("bodies") and after.knows("bodies"):
-        same &= (np.sort(before.bodies, axis=1)[old] == np.sort(after.bodies, axis=1)).all(axis=1)
-    return np.asarray(old)[same], new[same]
-
-
-def _spacing(tree: Any, contacts: Contacts) -> Vector:
-    """Return the way from every contact to the nearest other one of its step; ∞ where it is alone."""
-    return np.asarray(tree.query(contacts.position, k=2)[0])[:, 1]
 
 
 def _in_new_frames(r: Dense, before: Contacts, old: Index, after: Contacts, new: Index, *, rolling: bool) -> Dense:

@@ -4,11 +4,9 @@ from cpbench.storage.answers import guesses, load_answer, save_answer, save_poin
 from cpbench.storage.arrays import read_array, read_matrix, read_vector
 from cpbench.storage.base import Format, formats
 from cpbench.storage.dispatch import files, load, members, problem_files, save, save_pack
-from cpbench.storage.sequences import Recorder
 
 __all__ = [
     "Format",
-    "Recorder",
     "files",
     "formats",
     "guesses",

@@ -15,10 +15,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cpbench.errors import FormatError, PointError
-from cpbench.formulations.applications import from_own_vector
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.formulations.primal import primal_alone, primal_of, primal_part
-from cpbench.foundation.matrices import Vector
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem, write_problem
@@ -118,27 +116,25 @@ def load_answer(path: str | Path, problem: Problem, *, primal: bool = False) -> 
                 return primal_part(problem, arrays[problem.primal])
             if len(arrays) != 1:
                 raise FormatError(file, "", f"holds {', '.join(arrays)}: expected one array, or {', '.join(sizes)}")
-        vector = from_own_vector(problem, read_vector(file))
+        vector = read_vector(file)
         return (primal_of(problem, vector) if primal else None) or problem.point_from_vector(vector)
     except PointError as cause:
         raise FormatError(file, "", str(cause)) from None
 
 
-def save_vector(point: Point, path: Path, *, force: bool, own: Vector | None = None) -> bool:
-    """Write the parts of `point` one after the other, or its `own` unknowns in place of them, when `path` is .npy, .csv
-    or .txt; return whether it is.
+def save_vector(point: Point, path: Path, *, force: bool) -> bool:
+    """Write the parts of `point` one after the other when `path` is .npy, .csv or .txt; return whether it is.
 
     Raises FormatError when the file exists, unless `force`, or cannot be written.
     """
     if path.suffix not in (".npy", ".csv", ".txt"):
         return False
-    vector = point.vector if own is None else own
 
     def put(file: BinaryIO) -> None:
         if path.suffix == ".npy":
-            np.save(file, vector, allow_pickle=False)
+            np.save(file, point.vector, allow_pickle=False)
         else:
-            np.savetxt(file, vector, fmt="%.17g")
+            np.savetxt(file, point.vector, fmt="%.17g")
 
     write_atomic(path, put, force=force)
     return True

@@ -9,11 +9,11 @@ from fractions import Fraction
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.applications import GAME, game_problem
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
+from cpbench_problems.applications import GAME, game_problem
 
 SCALE = 2.0**40
 """Entries of the games with long paths are rounded to multiples of 1/SCALE, and the equilibrium is of what they are."""

@@ -24,6 +24,7 @@ from cpbench.generators.base import LICENCE
 from cpbench.solvers import warming
 from cpbench.solvers.base import Trait
 from cpbench.verification import error_text
+from cpbench_problems.recorder import Recorder
 from cpbench_problems.scenes import stepper
 from cpbench_problems.scenes.bodies import BodyScene, Choices, families
 from cpbench_problems.scenes.stepper import ContactProblem, SceneStep
@@ -130,7 +131,7 @@ def write_scene(simulation: Simulation, path: Path, source: str, *, force: bool 
     problems: dict[str, Problem] = {}
     answers: dict[str, Point] = {}
     for form, suffix in ((LOCAL[node], ""), (node, "-global")):
-        recorder = storage.Recorder(simulation.scene.name + suffix, simulation.scene.dt)
+        recorder = Recorder(simulation.scene.name + suffix, simulation.scene.dt)
         for problem, point in made:
             twin: Any = problem if form == node else graph.arrive(problem, form).problem
             recorder.add(dataclasses.replace(twin, info=info, provenance=()), time=problem.sequence.time)

@@ -128,7 +128,9 @@ ALLOWED_TO_PROBLEMS = {
     "formats": BASE | {"formulations", "formulations.exchange", "storage"},
     "scenes": DATA | {"graph", "generators", "api"},
     "simulators.py": BASE | {"formulations"},
+    "applications.py": BASE | {"formulations"},
     "programs.py": BASE | {"api"},
+    "recorder.py": BASE | {"formulations", "storage"},
     "pack_command.py": DATA | {"cli"},
     "__init__.py": {"registry"},
 }

@@ -104,34 +104,6 @@ def test_all_equilibria_of_the_games_that_people_asked_about(shared_data: Path, 
     assert as_fractions(game, found.points) == extreme_equilibria(A, B)
 
 
-@pytest.mark.needs("cpbench_solvers", "cpbench_lab")
-@pytest.mark.parametrize("seed", range(6))
-def test_solutions_of_the_lcp_are_the_equilibria(seed: int) -> None:
-    pytest.importorskip("flint", reason="all solutions need python-flint")
-    rng = np.random.default_rng(seed)
-    A, B = rng.integers(-5, 6, (2, int(rng.integers(1, 4)), int(rng.integers(1, 4))))
-    game = cpbench.from_game(A, B)
-    found = cpbench.every_solution(game.problem)
-    expected = extreme_equilibria(A, B)
-    assert as_fractions(game, found.points) == expected
-    assert found.endless or len(found.points) == len(expected)
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
-def test_one_equilibrium_in_any_unit_leaves_nothing_to_gain(unit: float) -> None:
-    rng = np.random.default_rng(3)
-    A, B = unit * rng.standard_normal((2, 6, 5))
-    game = cpbench.from_game(A, B)
-    solution = cpbench.solve(game.problem, tolerance=1e-9)
-    x, y = game.lift(solution)
-    assert x.sum() == pytest.approx(1.0)
-    assert y.sum() == pytest.approx(1.0)
-    assert min(x.min(), y.min()) >= 0.0
-    gain = max((A @ y).max() - x @ A @ y, (B.T @ x).max() - x @ B @ y)
-    assert gain <= 1e-8 * unit
-
-
 @pytest.mark.parametrize(
     ("A", "B", "cause"),
     [
@@ -169,7 +141,7 @@ def test_sizes_that_are_none_of_a_game_are_ignored(sizes) -> None:
     """A file may hold any property."""
     from dataclasses import replace
 
-    from cpbench.formulations.applications import own_unknowns
+    from cpbench_problems.applications import own_unknowns
 
     problem = cpbench.from_game(*THREE).problem
     other = replace(problem, info=replace(problem.info, properties={"game": sizes}))

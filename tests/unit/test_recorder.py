@@ -61,22 +61,18 @@ def started(path: Path) -> list[str]:
 
 
 @pytest.mark.nightly
-def test_a_run_follows_ids_positions_or_nothing_and_says_so(monkeypatch, capsys, folder) -> None:
+def test_a_run_follows_ids_or_nothing_and_says_so(monkeypatch, capsys, folder) -> None:
     """The first step and those without a match are cold; the terminal, the row and the report say it."""
-    at = [np.array([[float(i), 0.01 * k, 0.0] for i in ids]) for k, ids in enumerate(IDS)]
     record("ids", ids=IDS)
-    record("at", positions=at)
     record("none")
     follow = ["-s", "nsgs", "--start", "previous", "--repeats", 1, "-q"]
-    for name in ("ids", "at", "none"):
+    for name in ("ids", "none"):
         assert run(monkeypatch, "run", f"{name}.h5", *follow, "-o", f"{name}.sqlite") == 0
     out = capsys.readouterr().out
     assert started(folder / "ids.sqlite") == ["cold: first step", *["previous"] * 3]
-    assert started(folder / "at.sqlite") == ["cold: first step", *["previous, contacts matched by position"] * 3]
     told = started(folder / "none.sqlite")
     assert told[1] == "cold: 2 contacts before, 3 now, and no ids to match them by"
     assert "start previous: 3 of 4 rows started so; 1 cold: first step" in out
-    assert "3 warm, contacts matched by position; 1 cold: first step" in out
     line = "start previous: 0 of 4 rows started so; 3 cold: 2 contacts before, 3 now, and no ids to match them by"
     assert f"{line} (and alike); 1 cold: first step" in out
     assert line in "".join((folder / "reports" / "none" / "report.md").read_text().splitlines()[:12])
@@ -93,14 +89,6 @@ def test_problems_of_no_sequence_do_not_start_from_a_step_before(monkeypatch, ca
     assert run(monkeypatch, "run", "cases", *follow, "-o", "cases.sqlite", "--no-report") == 0
     out = capsys.readouterr().out
     assert "0 of 4 rows started so; 4 unsupported: start previous: the problem is no step of a sequence" in out
-
-
-@pytest.mark.nightly
-def test_a_start_that_no_file_has_is_reported(monkeypatch, capsys, folder) -> None:
-    storage.save(problem([1]), folder / "s.h5")
-    words = ["-s", "nsgs", "--start", "file", "--repeats", 1, "-q", "--no-report", "-o", "s.sqlite"]
-    assert run(monkeypatch, "run", "s.h5", *words) == 0
-    assert "start file: 0 of 1 rows started so; 1 unsupported: start file: the file has no" in capsys.readouterr().out
 
 
 def test_a_recorder_writes_steps_that_know_their_place(folder: Path) -> None:

@@ -12,21 +12,21 @@ import numpy as np
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Contacts, Sequence
 from cpbench.formulations.contact import ContactProblem
-from cpbench.storage.dispatch import save_pack
+from cpbench.storage import save_pack
 
 
 class Recorder:
     """A recording of the contact problems of a simulation, step by step, for one file.
 
-    >>> from cpbench import FrictionContact
-    >>> recorder = Recorder("slide", dt=1e-3)
+    >>> import cpbench
+    >>> recorder = cpbench.Recorder("slide", dt=1e-3)
     >>> for push in (1.0, 1.1):
-    ...     recorder.add(FrictionContact(W=np.eye(3), q=[-push, 0.1, 0.0], mu=[0.5]), ids=[7])
+    ...     recorder.add(cpbench.FrictionContact(W=np.eye(3), q=[-push, 0.1, 0.0], mu=[0.5]), ids=[7])
     >>> [(step.name, step.sequence.step, step.sequence.time) for step in recorder.steps]
     [('step-000', 0, 0.0), ('step-001', 1, 0.001)]
 
     `recorder.save("slide.h5")` writes them; ids, the same for the same contact in all steps, let a solver start from
-    its answer to the step before where contacts come and go. Where there are none, positions do.
+    its answer to the step before where contacts come and go.
     """
 
     def __init__(self, name: str, dt: float) -> None:
