@@ -90,10 +90,11 @@ def pytest_configure(config: pytest.Config) -> None:
         return
     registry.load_plugins()  # they have kernels, too
     modules = kernel_cache.modules()
-    kept = [name for name in modules if kernel_cache.is_kept(name)]
-    if not all(map(kernel_cache.is_compiled, kept)):
+    files = [kernel_cache.file(name) for name in modules]
+    compiled = [index for folder in {file.parent for file in files} for index in folder.glob("__pycache__/*.nbi")]
+    if max(map(os.path.getmtime, compiled), default=0.0) < max(map(os.path.getmtime, files)):
         print("compiling the kernels", file=sys.stderr, flush=True)
-        orders = (kept, kept[::-1])  # each begins at another end, and waits for what the other one is compiling
+        orders = (modules, modules[::-1])  # each begins at another end, and waits for what the other one is compiling
         for process in [subprocess.Popen([sys.executable, "-c", _COMPILE, *order]) for order in orders]:
             process.wait()  # a failure is that of the tests that need the kernel
 

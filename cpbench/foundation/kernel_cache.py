@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.util
-import logging
 import os
 import pkgutil
 import re
@@ -27,16 +26,12 @@ from typing import Any
 from cpbench.foundation import locks
 from cpbench.foundation.imports import uncollected
 
-LOG = logging.getLogger(__name__)
-"""Hears of every module that has to be compiled, before it is."""
 VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PACKAGES = ["cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels"]
 """Packages of kernel modules; plugins add theirs."""
 _TAKEN = re.compile(r"^from ([\w.]+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
-_KEPT = re.compile(r"^@njit\([\s\S]*?(cache=True|\*\*(COMPILED|KEPT|QUICK))", re.MULTILINE)
-"""Decorator of a kernel that is in the cache; others are compiled where they are used."""
 
 
 @cache
@@ -47,29 +42,23 @@ def ensure_cache_dir() -> Path:
     package's nor the user's cache directory can be written, a private temporary one serves this process and its
     children.
     """
-    given = os.environ.get(VARIABLE)
+    given = os.environ.get(VARIABLE, "")
     if given and _writable(Path(given)):
         return Path(given)
-    beside = _PACKAGE / "__pycache__"
-    if _writable(beside):
-        if given:  # empty, not absent: processes get variables from this one, and keep those that it lacks
-            _set_numba_dir("")
-        return beside
-    import platformdirs
-
-    chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"
+    chosen, setting = _PACKAGE / "__pycache__", ""
     if not _writable(chosen):
-        # mkdtemp, not a fixed name: a cache is code, and no other user may be able to put it there
-        chosen = Path(tempfile.mkdtemp(prefix="cpbench-numba-"))
-    _set_numba_dir(str(chosen))
+        import platformdirs
+
+        chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"
+        if not _writable(chosen):
+            # mkdtemp, not a fixed name: a cache is code, and no other user may be able to put it there
+            chosen = Path(tempfile.mkdtemp(prefix="cpbench-numba-"))
+        setting = str(chosen)
+    if setting != given:
+        os.environ[VARIABLE] = setting  # empty, not absent: processes get our variables, and keep those that we lack
+        if (numba := sys.modules.get("numba")) is not None:  # it has read the environment already
+            numba.config.reload_config()
     return chosen
-
-
-def _set_numba_dir(folder: str) -> None:
-    os.environ[VARIABLE] = folder
-    numba = sys.modules.get("numba")
-    if numba is not None:  # imported by somebody else before us: it has read the environment already
-        numba.config.reload_config()
 
 
 def load(module: str) -> ModuleType:
@@ -93,13 +82,11 @@ def _load(module: str) -> ModuleType:
     directory = ensure_cache_dir()
     with uncollected():
         importlib.import_module("numba")  # slow, and needs no lock
-    for taken, _ in _taken(module):  # before its own lock: no process holds one and waits for another
-        if is_kept(taken):
-            load(taken)
+    _listen()
+    for taken in _taken(module):  # before its own lock: no process holds one and waits for another
+        load(taken)
     with _one_at_a_time(directory / f"{module}.lock"):
         _drop_stale(module, directory)
-        if not is_compiled(module) and is_kept(module):
-            LOG.info("compiling %s", module)
         return importlib.import_module(module)
 
 
@@ -111,21 +98,32 @@ def load_all(package: str, names: Sequence[str]) -> None:
 
 @contextlib.contextmanager
 def compiling_reported(report: Callable[[], object]) -> Generator[None]:
-    """Call `report`, once, when a kernel has to be compiled within this context: that takes seconds."""
-    reported: list[str] = []
-
-    def seen(record: logging.LogRecord) -> bool:
-        if not reported:
-            report()
-        reported.append(record.getMessage())
-        return True
-
-    LOG.setLevel(logging.INFO)
-    LOG.addFilter(seen)
+    """Call `report`, once, when numba compiles within this context: that takes seconds."""
+    _reports.append(report)
     try:
         yield
     finally:
-        LOG.removeFilter(seen)
+        with contextlib.suppress(ValueError):  # it was called
+            _reports.remove(report)
+
+
+_reports: list[Callable[[], object]] = []
+
+
+@cache
+def _listen() -> None:
+    """Have numba say when it compiles what its cache has not."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            while _reports:
+                _reports.pop()()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Listener())
 
 
 @cache
@@ -148,25 +146,9 @@ def modules(*packages: str) -> list[str]:
     return [
         f"{package}.{info.name}"
         for package in packages or _PACKAGES
-        for info in pkgutil.iter_modules([str(_folder(package))])
+        for info in pkgutil.iter_modules(importlib.import_module(package).__path__)
         if not info.name.startswith("_")
     ]
-
-
-def is_kept(module: str) -> bool:
-    """Return whether the cache has kernels of a module."""
-    return _KEPT.search(_file(module).read_text("utf-8")) is not None
-
-
-def is_compiled(module: str) -> bool:
-    """Return whether the cache has kernels of this module that are younger than its source."""
-    source, directory = _file(module), ensure_cache_dir()
-    if os.environ.get(VARIABLE):  # then what lies beside the source is not looked at
-        files = directory.rglob(f"{source.stem}.*.nbi")
-    else:
-        files = (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi")
-    changed = source.stat().st_mtime
-    return any(index.stat().st_mtime >= changed for index in files)
 
 
 def _is_loaded(module: str) -> bool:
@@ -183,41 +165,32 @@ def _drop_stale(module: str, directory: Path) -> None:
     numba looks at the module's own file only: without this, code compiled from an older one would go on running. And it
     reads the index of what was compiled before it looks, which fails where a class in a signature has another name now.
     """
-    taken = [_file(module), *(path for _, path in _taken(module))]
+    taken = [file(name) for name in (module, *_taken(module))]
     now = "\n".join(f"{path.name} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in taken)
     stamp = directory / f"{module}.taken"
     with contextlib.suppress(OSError):  # a cache that cannot be written is not ours to mend
         if not stamp.is_file() or stamp.read_text() != now:
-            own = _file(module)
-            for place in {own.parent / "__pycache__", directory}:
-                for index in place.rglob(f"{own.stem}.*.nbi"):
+            for folder in {taken[0].parent / "__pycache__", directory}:
+                for index in folder.rglob(f"{taken[0].stem}.*.nbi"):
                     index.unlink()
             stamp.write_text(now)
 
 
-def _file(module: str) -> Path:
-    package, _, name = module.rpartition(".")
-    return _folder(package) / f"{name}.py"
+def file(module: str) -> Path:
+    """Return the source of a kernel module, of which nothing is imported but the packages above it; raises
+    ModuleNotFoundError."""
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"no module {module}", name=module)
+    return Path(spec.origin)
 
 
-@cache
-def _folder(package: str) -> Path:
-    """Return where a package lies; nothing of it is imported but the packages above it."""
-    spec = importlib.util.find_spec(package)
-    if spec is None or not spec.submodule_search_locations:
-        raise ModuleNotFoundError(f"no package {package}", name=package)
-    return Path(next(iter(spec.submodule_search_locations)))
-
-
-def _taken(module: str) -> list[tuple[str, Path]]:
-    """Return the kernel modules that one takes functions from, directly or through others, and their files."""
-    found: list[tuple[str, Path]] = []
+def _taken(module: str) -> list[str]:
+    """Return the kernel modules that one takes functions from, directly or through others."""
     names = [module]
     for name in names:
-        path = _file(name)
-        found.append((name, path))
-        names += [other for other in _TAKEN.findall(path.read_text("utf-8")) if other not in names]
-    return found[1:]
+        names += [other for other in _TAKEN.findall(file(name).read_text("utf-8")) if other not in names]
+    return names[1:]
 
 
 def _writable(directory: Path) -> bool:

@@ -168,27 +168,6 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     assert found == [2.0, 1.0]
 
 
-@pytest.mark.needs("cpbench_solvers")
-def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Not of the one beside the source, where another setting may have left kernels; and younger than the source."""
-    module = "cpbench_solvers.kernels.box_splitting"
-    fresh.setenv(cache.VARIABLE, str(tmp_path))
-    assert not cache.is_compiled(module)
-    index = tmp_path / "kernels_0" / "box_splitting.sweeps-10.py311.nbi"
-    index.parent.mkdir()
-    index.touch()
-    assert cache.is_compiled(module)
-    os.utime(index, (0, 0))
-    assert not cache.is_compiled(module)
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize(("name", "kept"), [("array_types", False), ("block_row", False), ("box_splitting", True)])
-def test_only_a_module_with_kernels_of_its_own_in_the_cache_is_ever_compiling(name: str, kept: bool) -> None:
-    """Else every command would say so of a module that merely names options, or whose functions others take."""
-    assert cache.is_kept(f"cpbench_solvers.kernels.{name}") == kept
-
-
 @pytest.mark.nightly
 def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
     path = tmp_path / "two.h5"
