@@ -1,4 +1,4 @@
-"""List and write the problems of cpbench, simulate scenes, and add and check the problem files that others publish."""
+"""List and write the problems of cpbench, simulate scenes, and check the problem files that others publish."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from cpbench.generators.collection import (
     write_collections,
 )
 from cpbench.storage.base import require_new
-from cpbench.storage.collections import PREFIX, added, manifests
+from cpbench.storage.collections import added, manifests
 
 SHOWN = 5
 """Names of files that a line shows."""
@@ -76,10 +76,10 @@ def total_lines(entries: Sequence[ListedProblem]) -> Iterator[str]:
 
 @click.group("collection", cls=Group)
 def command() -> None:
-    """List and write the problems of cpbench, simulate scenes, and add and check the problem files that others publish.
+    """List and write the problems of cpbench, simulate scenes, and check the problem files that others publish.
 
     Of collections of others cpbench has the facts: where their files are, their licences, sizes and hashes. It has none
-    of their files, and downloads none. An added collection is an address as that of a file is: `cpbench run
+    of their files, and downloads none. A collection that is there is an address as that of a file is: `cpbench run
     collection/maros-meszaros`, `cpbench info collection/diphasic/diphasic-Ma.txt`.
     """
 
@@ -90,7 +90,7 @@ def list_collections() -> None:
     formats, files, licences and sources."""
     entries = catalogue()
     print_lines([first_line(entries), "", *table(formulation_rows(entries)), ""])
-    print_lines([*total_lines(entries), "", "Collections of others (cpbench collection add, verify):"])
+    print_lines([*total_lines(entries), "", "Collections of others (cpbench collection verify says where they go):"])
     print_lines(table(_rows()))
 
 
@@ -109,41 +109,19 @@ def _rows() -> Iterator[tuple[str, ...]]:
         )
 
 
-@command.command("add")
-@click.argument("name")
-@click.option("--from", "source", type=FOLDER, required=True, metavar="DIR", help="Folder with the files.")
-@force_option
-def add(name: str, source: Path, force: bool) -> None:
-    """Copy the files of a collection into the data directory of the user.
-
-    Each file is checked against its SHA-256. Where one has another content, nothing is added.
-    Files whose hashes are not known (collection list calls them files of the user) are copied as they are.
-    """
-    known = manifests.manifest(name)
-    copied = added.add(known, source, force=force)
-    checked = sum(file in known.files for file in copied.files)
-    print_lines([f"added {known.name}: {_extent(copied)}, {checked} of them checked, in {copied.folder}"])
-    print_lines(_lacking(copied))
-    print_lines([f"licence: {known.licence}; cite: {known.citation}"])
-    if known.reader:
-        print_lines([f"next: cpbench run {PREFIX}/{known.name}"])
-    else:
-        print_lines(["cpbench reads none of these files yet"])
-
-
 @command.command("verify")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def verify(names: tuple[str, ...]) -> None:
-    """Check the files of collections against their hashes, and show which have been added and how to add the others.
+    """Check the files of collections against their hashes, and say which are there and where the others go.
 
-    The exit code is 1 where files are missing or have another content, or a named collection has not been added.
+    The exit code is 1 where files are missing or have another content, or a named collection is not there.
     """
     wrong = False
     for known in map(manifests.manifest, names or manifests.names()):
         checked = added.check(known)
         if checked is None:
             wrong |= bool(names)
-            print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
+            print_lines([f"{known.name}: not there; {added.how_to_add(known)}"])
         else:
             wrong |= bool(checked.changed or checked.missing)
             whole = sum(file in known.files and file not in checked.changed for file in checked.files)
@@ -237,11 +215,11 @@ def scene(
         sys.exit(1)
 
 
-def _extent(found: added.Found) -> str:
+def _extent(found: added.LocalFiles) -> str:
     return f"{counted(len(found.files), 'file')}, {size_text(found.size)}"
 
 
-def _lacking(found: added.Found) -> Iterator[str]:
+def _lacking(found: added.LocalFiles) -> Iterator[str]:
     """Yield a line each on files that are missing or have another content."""
     for files, what in ((found.missing, "missing"), (found.changed, "with another content (SHA-256)")):
         if files:

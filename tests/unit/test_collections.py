@@ -11,7 +11,7 @@ from command_line import cpbench
 
 from cpbench import storage
 from cpbench.bench.planning.places import located
-from cpbench.errors import CpbenchError, FormatError, UnknownName
+from cpbench.errors import CpbenchError, UnknownName
 from cpbench.generators.collection import address_text
 from cpbench.storage.collections import added, manifests
 from cpbench.storage.collections.manifests import ListedFile, Manifest
@@ -59,89 +59,37 @@ def known(folder: Path, **changed: object) -> Manifest:
     return Manifest(**{"name": "diphasic", **facts, **rest, **changed})  # pyright: ignore[reportArgumentType]
 
 
-def test_files_are_copied_under_their_names_in_the_set(source: Path) -> None:
-    found = added.add(known(source), source)
-    assert found.files == ("lcp-Ma.txt", "lcp-qa.txt", "sub/readme.md")
-    assert found.missing == ()
-    assert found.size == sum(path.stat().st_size for path in (source / "test").rglob("*") if path.is_file())
-    place = located("collection/diphasic", Path)
-    assert storage.problem_files([place]) == [f"{place}/lcp-Ma.txt"]
-    np.testing.assert_array_equal(storage.load(f"{place}/lcp-Ma.txt").q, [-5.0, -6.0])
-    assert address_text(f"{place}/lcp-Ma.txt") == "collection/diphasic/lcp-Ma.txt"
-    assert [path.name for path in added.home().iterdir()] == ["diphasic"], "nothing temporary is left"
-
-
-def test_files_are_recognized_wherever_they_lie(source: Path, tmp_path: Path) -> None:
-    flat = tmp_path / "flat"
-    flat.mkdir()
-    for name, origin in (("lcp-Ma.txt", "Ma.txt"), ("qa.txt", "qa.txt"), ("readme.md", "sub/readme.md")):
-        (flat / name).write_bytes((source / "test" / origin).read_bytes())
-    (source / "Ma.txt").write_text("another file with this name\n")
-    assert added.add(known(source), flat).missing == ()
-    assert added.add(known(source), source, force=True).missing == (), "the content decides between equal names"
-
-
-def test_a_missing_file_is_named_and_the_others_are_added(source: Path) -> None:
+def test_a_folder_of_the_user_is_an_address(source: Path) -> None:
+    """A link to the folder of the source will do, and files may have their names in the source."""
     listed = known(source)
-    (source / "test" / "qa.txt").unlink()
-    assert added.add(listed, source).missing == ("lcp-qa.txt",)
-    assert added.add(listed, source, force=True).files == ("lcp-Ma.txt", "sub/readme.md")
-
-
-def test_a_wrong_file_stops_all(source: Path) -> None:
-    listed = known(source)
-    (source / "test" / "Ma.txt").write_bytes(b"1 2\n")
-    said = r"1 file whose SHA-256 is not that of the manifest \(Ma\.txt\): take those of commit abc \(pointers: .*\)"
-    with pytest.raises(FormatError, match=rf"clone: has {said}; nothing was added$"):
-        added.add(listed, source)
-    assert list(added.home().iterdir()) == []
-
-
-def test_a_wrong_file_leaves_what_was_added(source: Path) -> None:
-    listed = known(source)
-    added.add(listed, source)
-    (source / "test" / "Ma.txt").write_bytes(b"1 2\n")
-    with pytest.raises(FormatError, match="there already: cpbench collection verify diphasic checks it, --force"):
-        added.add(listed, source)
-    with pytest.raises(FormatError, match="nothing was added"):
-        added.add(listed, source, force=True)
+    added.home().mkdir(parents=True)
+    (added.home() / "diphasic").symlink_to(source / "test")
     found = added.check(listed)
     assert found is not None
+    assert found.files == ("lcp-Ma.txt", "lcp-qa.txt", "sub/readme.md")
     assert (found.missing, found.changed) == ((), ())
-
-
-def test_a_folder_without_the_files_is_refused(source: Path, tmp_path: Path) -> None:
-    listed = known(source)
-    (tmp_path / "nothing").mkdir()
-    with pytest.raises(
-        FormatError, match=r"has no file of the collection 'diphasic', such as lcp-Ma\.txt, lcp-qa\.txt"
-    ):
-        added.add(listed, tmp_path / "nothing")
-    with pytest.raises(FormatError, match=r"is no folder: --from takes the one with the files of https://example\.org"):
-        added.add(listed, tmp_path / "absent")
-
-
-def test_a_copy_that_changed_is_seen(source: Path) -> None:
-    listed = known(source)
-    folder = added.add(listed, source).folder
-    (folder / "lcp-Ma.txt").write_text("1 2\n")
-    (folder / "sub" / "readme.md").unlink()
+    assert found.size == sum(path.stat().st_size for path in (source / "test").rglob("*") if path.is_file())
+    place = located("collection/diphasic", Path)
+    (source / "test" / "Ma.txt").rename(source / "test" / "lcp-Ma.txt")
+    (source / "test" / "qa.txt").rename(source / "test" / "lcp-qa.txt")
+    np.testing.assert_array_equal(storage.load(f"{place}/lcp-Ma.txt").q, [-5.0, -6.0])
+    assert address_text(f"{place}/lcp-Ma.txt") == "collection/diphasic/lcp-Ma.txt"
+    (source / "test" / "lcp-Ma.txt").write_text("1 2\n")
+    (source / "test" / "sub" / "readme.md").unlink()
     found = added.check(listed)
     assert found is not None
     assert (found.missing, found.changed) == (("sub/readme.md",), ("lcp-Ma.txt",))
 
 
-def test_files_of_the_user_are_kept_as_they_were_added(source: Path) -> None:
-    free = known(source, name="macmpec", files={}, names=("*.txt",))
-    found = added.add(free, source)
+def test_files_of_the_user_have_no_hashes(source: Path) -> None:
+    added.home().mkdir(parents=True)
+    (added.home() / "macmpec").symlink_to(source)
+    found = added.check(known(source, name="macmpec", files={}, names=("*.txt",)))
+    assert found is not None
     assert found.files == ("test/Ma.txt", "test/qa.txt")
-    (found.folder / "test" / "Ma.txt").write_text("1 2\n")
-    again = added.check(free)
-    assert again is not None
-    assert again.changed == ("test/Ma.txt",)
 
 
-def test_an_absent_collection_ends_with_the_command_that_adds_it(source: Path, tmp_path: Path) -> None:
+def test_an_absent_collection_ends_with_where_its_files_go(source: Path, tmp_path: Path) -> None:
     (tmp_path / "night.toml").write_text('problems = ["collection/fclib"]\nsolvers = ["siconos-lcp-lemke"]\n')
     for arguments in (
         ("run", "collection/fclib/Cubes_H8"),
@@ -151,14 +99,15 @@ def test_an_absent_collection_ends_with_the_command_that_adds_it(source: Path, t
     ):
         done = cpbench(tmp_path, *arguments)
         told = done.stdout + done.stderr
-        assert "cpbench collection add fclib --from DIR, where DIR has the files of https://github.com/" in told
+        assert "not there" in told
+        assert "put the files of https://github.com/" in told
         lines = [line for line in told.splitlines() if not line.startswith(("plan: ", " "))]  # but progress, when slow
         assert lines == [told.splitlines()[-1]]
         assert done.returncode == (1 if "verify" in arguments else 2)
     assert not (tmp_path / "night.sqlite").exists()
     with pytest.raises(UnknownName, match="unknown collection 'fclob': did you mean fclib"):
         located("collection/fclob/a.hdf5", Path)
-    with pytest.raises(CpbenchError, match="has not been added"):
+    with pytest.raises(CpbenchError, match="is not there"):
         located("collection/fclib::name", Path)
 
 
@@ -185,11 +134,14 @@ def test_every_manifest_is_complete() -> None:
 
 
 @pytest.mark.parametrize("name", SUITED)
-def test_real_files_are_added_verified_and_read(name: str, shared_data: Path, tmp_path: Path, monkeypatch) -> None:
+def test_real_files_are_verified_and_read(name: str, shared_data: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     one = manifests.manifest(name)
-    done = cpbench(tmp_path, "collection", "add", name, "--from", str(shared_data))
-    assert f"{len(one.files)} of them checked" in done.stdout
+    by_name = {path.name: path for path in sorted(shared_data.rglob("*")) if path.is_file()}
+    for file, listed in one.files.items():
+        link = added.home() / name / file
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(by_name.get(Path(file).name) or by_name[Path(listed.origin).name])
     done = cpbench(tmp_path, "collection", "verify", name)
     assert (done.returncode, done.stdout.count("\n")) == (0, 1)
     assert f"{len(one.files)} as the manifest has them" in done.stdout
@@ -205,4 +157,4 @@ def test_what_is_listed_and_what_is_there(source: Path, tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "partial: 97 of 138 files listed" in done.stdout
     done = cpbench(tmp_path, "collection", "verify")
-    assert done.stdout.count("not added; cpbench collection add") == len(manifests.names())
+    assert done.stdout.count("not there; put the files of") == len(manifests.names())

@@ -13,10 +13,10 @@ BUILTIN = "builtin"
 
 
 def located(text: str, builtin: Callable[[], Path]) -> str:
-    """Return `builtin/...` as a path below the folder of the built-in problems, `collection/...` as one in what the
-    user has added, any other text as it is.
+    """Return `builtin/...` as a path below the folder of the built-in problems, `collection/...` as one in the
+    sets that the user has, any other text as it is.
 
-    Raises UnknownName, and CpbenchError where a collection has not been added.
+    Raises UnknownName, and CpbenchError where a collection is not there.
 
     >>> located("builtin/lcp/lcp-classics.h5::fathi-10", lambda: Path("problems"))
     'problems/lcp/lcp-classics.h5::fathi-10'
@@ -28,5 +28,5 @@ def located(text: str, builtin: Callable[[], Path]) -> str:
     if head == PREFIX:
         from cpbench.storage.collections import added
 
-        return added.place(f"{rest}{separator}{member}")
+        return added.local_path(f"{rest}{separator}{member}")
     return f"{builtin()}{slash}{rest}{separator}{member}"

@@ -1,4 +1,4 @@
-"""Sets of problem files that others publish: their manifests (`NAME.toml`), and the copies that the user has added."""
+"""Sets of problem files that others publish: their manifests (`NAME.toml`), and the folders of the user."""
 
 PREFIX = "collection"
-"""First part of an address in an added set: `collection/NAME`."""
+"""First part of an address in a set: `collection/NAME`."""
