@@ -26,8 +26,8 @@ MOVED = 1e-6
 MOVES = 8
 """Random directions in which it is moved."""
 ROUNDING = float(np.finfo(float).eps)
-FOREIGN_ITERATIONS = 200
-"""For solvers of other packages, which cannot be stopped in this process: what their interior-point methods need."""
+SECONDS = 10.0
+"""Time limit of a solve."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def examine(
     answer = None if known is None else pushed(problem, converted, steps, known, tolerance, tried)
     if answer is None:
         wanted = graph.tolerance(converted, tolerance, steps)
-        answer = next(answers(converted, wanted, tried, native=True), None)
+        answer = next(answers(converted, wanted, tried), None)
     nothing = verification.no_answer(tolerance)
     if answer is None:
         return CheckReport(arrival, "", tuple(tried), nothing, nothing, None, seconds, 0.0)
@@ -136,29 +136,24 @@ def pushed(
     return Answer(point, "known solution, pushed", converted.residuals(point).error)
 
 
-def answers(
-    problem: Problem, tolerance: float, tried: list[str], *, native: bool = False, seconds: float = 10.0
-) -> Iterator[Answer]:
-    """Yield answers of registered solvers whose error on `problem` is at most `tolerance`, one solver at a time.
+def answers(problem: Problem, tolerance: float, tried: list[str]) -> Iterator[Answer]:
+    """Yield answers of native solvers whose error on `problem` is at most `tolerance`, one solver at a time.
 
-    Native solvers come first (alone with `native`), those of the problem's own node before those behind further exact
-    conversions. A solver that was tried in vain goes into `tried`, with the reason; none is asked for less than
-    rounding.
+    Those of the problem's own node come before those behind further exact conversions. A solver that was tried in vain
+    goes into `tried`, with the reason; none is asked for less than rounding.
     """
     if tolerance < ROUNDING:
         tried.append(f"an answer to {tolerance:.0e} is wanted, which rounding does not allow")
         return
-    for arrival, solver in _solvers_ahead(problem, tried, native):
+    for arrival, solver in _solvers_ahead(problem, tried):
         steps = len(arrival.route.steps)
         label = f"{solver.spec.name} after {arrival.route.label}" if steps else solver.spec.name
         why = solver.obstacle(arrival.problem)
         if why is None:
-            iterations = FOREIGN_ITERATIONS if solver.spec.requires else None
             wanted = graph.tolerance(arrival.problem, tolerance, steps)
-            budget = Budget(tolerance=wanted, seconds=seconds, iterations=iterations)
             try:
-                out = solver.run(arrival.problem, budget)
-            except Exception as failure:  # a foreign package may raise anything
+                out = solver.run(arrival.problem, Budget(tolerance=wanted, seconds=SECONDS))
+            except Exception as failure:  # a plugin may raise anything
                 tried.append(f"{label}: {type(failure).__name__}: {failure}")
                 continue
             error = math.inf
@@ -172,17 +167,15 @@ def answers(
         tried.append(f"{label}: {why}")
 
 
-def _solvers_ahead(problem: Problem, tried: list[str], native: bool) -> Iterator[tuple[graph.Arrival, Solver]]:
-    """Yield solvers that may serve, each with the problem brought to its node; nearest nodes first, then native
-    ones."""
+def _solvers_ahead(problem: Problem, tried: list[str]) -> Iterator[tuple[graph.Arrival, Solver]]:
+    """Yield native solvers that may serve, each with the problem brought to its node; nearest nodes first."""
     serving: dict[str, list[Solver]] = {}
-    for solver in sorted(solvers, key=lambda s: (bool(s.spec.requires), s.spec.name)):
-        usable = solver.spec.kind.exact and solver.availability().ok
-        if usable and not (native and solver.spec.requires):
+    for solver in solvers:
+        if solver.spec.kind.exact and not solver.spec.requires and solver.availability().ok:
             serving.setdefault(solver.spec.node, []).append(solver)
     ahead = [(routes[0].cost, node) for node in serving if (routes := graph.candidates(problem.node, node))]
     if not ahead:
-        tried.append(f"no {'native ' if native else ''}solver is registered on {problem.node} or beyond")
+        tried.append(f"no native solver is registered on {problem.node} or beyond")
     for _, node in sorted(ahead):
         try:
             arrival = graph.arrive(problem, node)

@@ -43,7 +43,7 @@ def _plane() -> tuple[Block, ...]:
             "Coulomb's law in two dimensions has a cone of two edges, $D=[1,-1]$ below, and becomes an LCP exactly. "
             "Two contacts, of which one slides and one opens:"
         ),
-        *shown(trips("plane", "fc-lcp-2d", "fc-lcp-2d-siconos")),
+        *shown(trips("plane", "fc-lcp-2d")),
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from cpbench import graph
 from cpbench.conversions.base import make
-from cpbench.formulations import FrictionContact, GlobalFrictionContact, QPPoint
+from cpbench.formulations import GlobalFrictionContact, QPPoint
 from cpbench.solvers.base import Budget, solvers
 
 SEEDS = range(4)
@@ -81,19 +81,6 @@ def test_strong_duality(seed):
 
 
 # --------------------------------------------------------------------------------------------- contact
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("seed", SEEDS)
-def test_plane_contact_by_both_exact_forms(seed):
-    """W positive definite and little friction: the answer is unique (the LCP's matrix is then a P-matrix)."""
-    problem, _ = planted.fc(np.random.default_rng(seed), 4, 2, "positive definite")
-    ways = [answered(problem, edge, by="lemke") for edge in ("fc-lcp-2d", "fc-lcp-2d-siconos")]
-    for way in ways:
-        assert problem.residuals(way).error <= 1e-9
-    mild = FrictionContact(W=problem.W, q=problem.q, mu=np.full(4, 0.05), dimension=2)
-    first, second = (answered(mild, edge, by="lemke") for edge in ("fc-lcp-2d", "fc-lcp-2d-siconos"))
-    np.testing.assert_allclose(first.r, second.r, atol=1e-8)
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -267,7 +267,7 @@ def test_the_text_has_every_edge_under_its_source(kinds):
 LECTURE = [
     *("lcp-qp", "lcp-qp-nonsymmetric", "lcp-mlcp", "lcp-avi", "mlcp-lcp-schur", "mlcp-lcp-split"),
     *("qp-mlcp", "qp-qp-dual", "qp-avi", "qp-coneqp", "relay-lcp", "relay-avi", "avi-lcp-bounds", "avi-mlcp"),
-    *("soclcp-coneqp", "coneqp-soclcp", "gfc-fc", "gfc-fcm", "fcm-fc", "gfc-mlcp", "fc-lcp-2d", "fc-lcp-2d-siconos"),
+    *("soclcp-coneqp", "coneqp-soclcp", "gfc-fc", "gfc-fcm", "fcm-fc", "gfc-mlcp", "fc-lcp-2d"),
     *("fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer", "fc-soclcp", "fc-coneqp", "fc-coneqp-tresca"),
     *("afc-fc", "grfc-rfc", "rfc-lcp-2d", "rfc-lcp-facets"),
 ]
