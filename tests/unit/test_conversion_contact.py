@@ -16,12 +16,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 import planted
 
 from cpbench import graph, storage
-from cpbench.conversions import elimination, facets
+from cpbench.conversions import facets
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact, Kind
 from cpbench.foundation import matrices
-from cpbench.foundation.factorization import Factorization
 from cpbench.solvers.base import Budget, Claim, solvers
 
 CLOSE = 1e-9
@@ -50,20 +49,6 @@ def solved(target):
 # ----------------------------------------------------------------------------------------- Delassus
 
 
-@quick
-@given(seeds, st.integers(1, 5), st.integers(0, 6), st.sampled_from([2, 3]), st.booleans(), st.booleans())
-def test_gfc_fc(seed, bodies, nc, d, symmetric, sparse):
-    problem, point = planted.gfc(np.random.default_rng(seed), bodies, nc, d, symmetric=symmetric, sparse=sparse)
-    target = both_ways(make("gfc-fc"), problem, point)
-    M, H = matrices.dense(problem.M), matrices.dense(problem.H)
-    reference = H.T @ np.linalg.solve(M, H)
-    W = matrices.dense(target.W)
-    assert np.abs(W - reference).max(initial=0.0) <= 1e-12 * np.abs(reference).max(initial=1.0)
-    if symmetric:
-        assert (W == W.T).all()
-    assert target.dimension == d
-
-
 def test_delassus_stays_sparse_and_mixes_components(rng):
     # forty small bodies and one large one, all in one M: small blocks are inverted, the large one is factored
     small, large = 40, 60
@@ -88,15 +73,6 @@ def test_delassus_stays_sparse_and_mixes_components(rng):
     assert matrices.nnz(W) < 0.2 * 150 * 150
     reference = H.T @ np.linalg.solve(M, H)
     assert np.abs(matrices.dense(W) - reference).max() <= 1e-12 * np.abs(reference).max()
-
-
-def test_delassus_in_bundles(rng, monkeypatch):
-    monkeypatch.setattr(elimination, "BUNDLE", 7)
-    A = sp.csr_array(planted.square(rng, 50, "positive definite"))
-    D, C = sp.random_array((20, 50), density=0.2, rng=rng), sp.random_array((50, 30), density=0.2, rng=rng)
-    result = elimination.product(sp.csr_array(D), Factorization(A), sp.csr_array(C))
-    reference = D.toarray() @ np.linalg.solve(A.toarray(), C.toarray())
-    np.testing.assert_allclose(matrices.dense(result), reference, atol=1e-11)
 
 
 def test_singular_mass_is_refused_with_its_condition():
@@ -124,9 +100,6 @@ def test_delassus_of_real_files(shared_data):
     assert seen >= 10
 
 
-# --------------------------------------------------------------------------------------------- plane
-
-
 # -------------------------------------------------------------------------------------------- facets
 
 
@@ -148,17 +121,6 @@ def test_facets_are_exact_where_the_polygon_touches_the_circle(seed, nc, kind, s
     assert sum(target.sizes().values()) == nc * {"fc-mlcp-outer": count + 3}.get(name, count + 2)
     assert all(matrices.is_sparse(M) == sparse for M in target.data().values() if M.ndim == 2)
     assert edge.exactness(problem) == Kind.APPROXIMATE
-
-
-@pytest.mark.parametrize("count", [4, 6, 8, 12, 14])
-@pytest.mark.parametrize("angle", [0.0, 0.3])
-def test_directions_come_in_opposite_pairs(count, angle):
-    D = facets.directions(count, angle)
-    expected = angle + 2 * np.pi * np.arange(count) / count
-    np.testing.assert_allclose(D, [np.cos(expected), np.sin(expected)], atol=1e-15)
-    assert (D[:, count // 2 :] == -D[:, : count // 2]).all()
-    if angle == 0.0 and count % 4 == 0:
-        assert D[0, count // 4] == 0.0
 
 
 @quick

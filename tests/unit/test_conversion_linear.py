@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
 import planted
@@ -23,9 +21,6 @@ from cpbench.solvers.base import Claim, solvers
 from cpbench.verification import judge
 
 CLOSE = 1e-9
-quick = settings(max_examples=30, deadline=None, derandomize=True)
-seeds = st.integers(0, 2**32 - 1)
-small = st.integers(0, 7)
 
 
 def both_ways(edge: str, problem, point, **knobs):
@@ -130,18 +125,6 @@ def test_diode_bridges(shared_data, name):
 # ----------------------------------------------------------------------------------------- qp → mlcp
 
 
-@quick
-@given(seeds, small, st.integers(0, 4), st.integers(0, 3), st.sampled_from(planted.SQUARE[:2]), st.booleans())
-def test_qp_mlcp(seed, n, m, k, kind, sparse):
-    problem, point = planted.qp(np.random.default_rng(seed), n, m, k, kind, sparse=sparse)
-    target = both_ways("qp-mlcp", problem, point)
-    assert make("qp-mlcp").exactness(problem) == Kind.EQUIVALENT
-    assert matrices.is_sparse(target.A) == sparse
-    fixed = int((problem.lb == problem.ub).sum())
-    finite = np.isfinite(problem.lb).sum() + np.isfinite(problem.ub).sum()
-    assert target.sizes() == {"n": n + k + fixed, "m": m + finite - 2 * fixed}
-
-
 def test_qp_mlcp_nonconvex_is_necessary(rng):
     problem, point = planted.qp(rng, 4, 2, 1, "symmetric indefinite")
     both_ways("qp-mlcp", problem, point)
@@ -150,9 +133,6 @@ def test_qp_mlcp_nonconvex_is_necessary(rng):
         graph.arrive(problem, "mlcp")
     assert {end.edge for end in graph.explain(problem, "mlcp")} == {"qp-mlcp", "qp-avi"}
     assert graph.arrive(problem, "mlcp", graph.ALL).kind == Kind.NECESSARY
-
-
-# ------------------------------------------------------------------------------------------- chains
 
 
 # ---------------------------------------------------------------------------------- what cancels on the way back

@@ -9,31 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from tiers import some_by_day
 
 from cpbench.errors import FormatError
-from cpbench.formulations import LCP, formulations
+from cpbench.formulations import LCP
 from cpbench.formulations.exchange import exchanges
-from cpbench.testing import cases
 
 NPY = exchanges.get("npy-dir")
-
-
-@pytest.mark.parametrize("node", some_by_day(formulations.names(), 8))
-def test_problems_and_answers_are_read_again_as_they_were(node: str, tmp_path: Path) -> None:
-    for case in cases(node)[:6]:
-        for dense in (False, True):
-            NPY.write_problem(case.problem, tmp_path / "p", dense)
-            found = NPY.read_problem(tmp_path / "p")
-            assert found.fingerprint == case.problem.fingerprint, case.name
-            assert found.name == case.problem.name
-            sparse = [sp.issparse(value) for value in found.data().values()]
-            assert not (dense and any(sparse))
-            assert dense or sparse == [sp.issparse(value) for value in case.problem.data().values()]
-        NPY.write_answer(case.point, tmp_path / "a")
-        point = NPY.read_answer(tmp_path / "a", case.problem)
-        for part, vector in case.point.arrays().items():
-            np.testing.assert_array_equal(getattr(point, part), vector)
 
 
 def test_a_folder_is_what_its_description_says(tmp_path: Path) -> None:

@@ -99,25 +99,3 @@ def test_the_radial_obstacle_is_met_where_theory_says() -> None:
     exact = -(RADIUS**2) * np.log(r[outside] / 2) / np.sqrt(1 - RADIUS**2)
     u = z[outside] - 1.0  # ψ = −1 outside the unit disk
     assert np.abs(u - exact).max() < 2 * mesh**2
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_an_american_put_is_worth_no_less_than_its_payoff_and_falls_with_the_price() -> None:
-    from cpbench_problems.generators.obstacles import american_put
-
-    n = 100
-    z = solvers.get("lemke").run(american_put(n).problem, Budget(tolerance=1e-9)).point.z
-    x = -1.5 + 3.0 / (n + 1) * np.arange(1, n + 1)
-    value = z + np.maximum(1.0 - np.exp(x), 0.0)
-    assert (z >= 0).all()
-    assert (np.diff(value) <= 1e-12).all()
-    assert z.max() > 0
-
-
-def test_a_stack_carries_its_weight() -> None:
-    """Sum of the normal impulses under each level = weight of the boxes from there up, times the step."""
-    from cpbench_problems.generators.contact_global import GRAVITY, STEP, box_stack
-
-    instance = box_stack(5)
-    normal = instance.solution.r.reshape(-1, 3)[:, 0].reshape(5, 4).sum(axis=1)
-    assert normal == pytest.approx(GRAVITY * STEP * np.arange(5, 0, -1))

@@ -11,16 +11,12 @@ import pytest
 from cpbench.formulations import LCP
 from cpbench.foundation import matrices
 from cpbench.generators.collection import builtin_folder, catalogue
-from cpbench.solvers import Budget, solvers
 from cpbench_problems.generators import (
     belts,
     bimatrix,
-    circuits,
     control,
     linear_twins,
-    plastic,
     spatial,
-    support_vectors,
 )
 from cpbench_problems.generators.lcp_classics import isolated, munson1
 from cpbench_problems.generators.lcp_hard import csizmadia_degenerate, cycling
@@ -118,14 +114,6 @@ def test_newton_min_runs_in_a_cycle_of_n_sets(n: int) -> None:
     assert len(set(later)) == n
 
 
-@pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
-def test_the_matrices_of_cycles_have_positive_principal_minors(n: int) -> None:
-    M = matrices.dense(cycling(n).problem.M)
-    for size in range(1, n + 1):
-        for rows in itertools.combinations(range(n), size):
-            assert np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9
-
-
 def _path(A: list[list[Fraction]], B: list[list[Fraction]], label: int) -> int:
     """Count the pivots of Lemke and Howson's path from the artificial equilibrium, in exact arithmetic."""
     m, n = len(A), len(A[0])
@@ -183,12 +171,6 @@ def test_the_pull_on_a_rope_tends_to_the_exponential(mu: float) -> None:
     assert np.allclose(np.divide(errors[:-1], errors[1:]), 4.0, rtol=0.05)
 
 
-def test_a_heavy_rope_needs_more_pull_than_one_without_mass() -> None:
-    for n, bits, mu in ((6, 3, 0.5), (24, 5, 0.5)):
-        massless = float(belts.limit_ratio(n, bits, mu))
-        assert massless < float(belts.tensions(n, bits, mu)[-1]) < 1.2 * massless
-
-
 def test_the_first_force_is_that_of_riccati_where_no_limit_is_active() -> None:
     masses, horizon = 3, 12
     problem = control.program(masses, horizon, control.drawn_state(masses), "", limit=64.0)
@@ -203,80 +185,6 @@ def test_the_first_force_is_that_of_riccati_where_no_limit_is_active() -> None:
         K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
         P = np.eye(2 * masses) + A.T @ P @ (A - B @ K)
     assert z[:masses] == pytest.approx(-K @ start, abs=1e-12)
-
-
-def test_the_plan_of_a_period_is_feasible_and_the_next_state_is_near_its_first() -> None:
-    masses, horizon = 3, 12
-    first, second = control.periods(masses, horizon, 2)
-    A, _ = control.dynamics(masses)
-    for instance in (first, second):
-        problem, plan = instance.problem, instance.starts[0].z
-        assert np.abs(problem.C @ plan - problem.d).max() < 1e-12
-        assert (np.abs(plan) <= problem.ub).all()
-        assert (np.abs(plan) == problem.ub).any(), "a force is at its limit"
-    planned = first.starts[0].z[masses : 3 * masses]
-    state = np.linalg.solve(A, second.problem.d[: 2 * masses])
-    assert 0 < np.abs(state - planned).max() <= control.STEP / 16
-
-
-def test_the_dual_of_a_machine_has_no_gap_to_the_primal() -> None:
-    """½|w|² + C Σ max(0, 1 − y(wᵀx + b)) over w and b is what the dual, negated, has at its minimum."""
-    points, features = 60, 20
-    problem = support_vectors.machine(points, features).problem
-    X, y = support_vectors.data(points, features)
-    alpha = solvers.get("clarabel").run(problem, Budget(tolerance=1e-10)).point.z
-    w = X.T @ (y * alpha)
-    dual = alpha.sum() - 0.5 * w @ w
-    margins = X @ w
-    losses = [np.maximum(0.0, 1.0 - y * (margins + b)).sum() for b in y - margins]  # it breaks at these b
-    assert 0.5 * w @ w + support_vectors.COST * min(losses) == pytest.approx(dual, rel=1e-6)
-
-
-@pytest.mark.parametrize("side", [3, 9])
-def test_sources_of_a_circuit_supply_what_resistors_and_diodes_take(side: int) -> None:
-    instance = circuits.grid(side)
-    p, u, v = instance.problem, instance.solution.u, instance.solution.v
-    G, C = matrices.dense(p.A), matrices.dense(p.C)
-    assert u @ -p.a == u @ (G @ u) + (C.T @ u) @ v  # all are short numbers: exact
-    assert (np.abs(C).sum(axis=0) == 2).all()
-    assert (C.sum(axis=0) == 0).all()
-    assert ((C.T @ u) >= 0).all(), "current flows through a diode from the higher voltage"
-    assert np.linalg.eigvalsh(G)[0] > 0
-
-
-def test_closed_switches_join_nodes_and_carry_what_the_nodes_need() -> None:
-    instance = circuits.grid(9, switched=True)
-    problem, u, v = instance.problem, instance.solution.u, instance.solution.v
-    nodes, switches = 81, instance.properties["switches"]
-    A, C = matrices.dense(problem.A), matrices.dense(problem.C)
-    S, voltages, currents = A[:nodes, nodes:], u[:nodes], u[nodes:]
-    assert (np.abs(S).sum(axis=0) == 2).all()
-    assert (np.abs(S).sum(axis=1) <= 1).all(), "no node has two switches"
-    assert switches == currents.size == 9
-    assert (S.T @ voltages == 0).all()
-    assert np.array_equal(-problem.a[:nodes], A[:nodes, :nodes] @ voltages + S @ currents + C[:nodes] @ v)
-    assert np.linalg.matrix_rank(A) == len(A)
-
-
-def test_a_truss_is_no_mechanism_and_its_matrix_is_positive_definite() -> None:
-    B = plastic.bars_of(3, 2).toarray()
-    assert np.linalg.matrix_rank(B) == B.shape[0]
-    p = plastic.truss(3, 2).problem
-    whole = np.block([[matrices.dense(p.A), matrices.dense(p.C)], [matrices.dense(p.D), matrices.dense(p.B)]])
-    assert np.array_equal(whole, whole.T)
-    assert np.linalg.eigvalsh(whole)[0] > 1e-6
-
-
-def test_bars_of_a_truss_do_not_change_when_it_turns() -> None:
-    """A small rotation about any point changes no length, to first order."""
-    for across, up in ((1, 1), (3, 2)):
-        B = plastic.bars_of(across, up).toarray()
-        along = np.repeat(np.arange(1, across + 1), up + 1) * 3.0
-        high = np.tile(np.arange(up + 1), across) * 4.0
-        turn = np.column_stack([-high, along]).ravel()
-        inner = B.sum(axis=0) == 0  # both ends are free
-        assert inner.any()
-        assert np.abs(B[:, inner].T @ turn).max() == 0
 
 
 def test_both_forms_of_spatial_prices_have_the_same_shipments_and_prices() -> None:

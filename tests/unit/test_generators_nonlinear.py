@@ -12,18 +12,17 @@ import mpmath
 import numpy as np
 import pytest
 from planted_nonlinear import graph
-from scipy.optimize import linprog, minimize, root
 from tiers import some_by_day
 
 from cpbench import verification
-from cpbench.formulations import NCP, VI, MiCP, NCPPoint, QVIPoint
+from cpbench.formulations import NCP, VI, NCPPoint, QVIPoint
 from cpbench.formulations.expressions import Map, Operator
 from cpbench.formulations.expressions.recording import maximum
 from cpbench.foundation import matrices
 from cpbench.generators import Instance, generators
-from cpbench.testing.checks_problem import KNOWN, _marks
-from cpbench_problems.generators import membranes, oligopoly, symbols, traffic, walras
+from cpbench.testing.checks_problem import _marks
 from cpbench_problems.generators import ncp_classics as classics
+from cpbench_problems.generators import symbols, walras
 
 FAMILIES = (
     "ncp-classics", "nash-cournot", "walras", "walras-simplex", "scarf-activities", "harker-pang", "harker-pang-sets",
@@ -31,7 +30,6 @@ FAMILIES = (
     "hock-schittkowski-nonlinear", "vi-classics", "vi-planted", "cp-planted",
     "qvi-games", "qvi-friction", "qvi-obstacles", "ge-planted", "equations",
 )  # fmt: skip
-LARGE = ("nash-cournot-large", "walras-large", "harker-pang-large", "traffic-grid-large", "membranes-large")
 LISTED = {entry.name: entry for entry in generated.shipped(maps=True) if entry.family in FAMILIES}
 
 
@@ -45,23 +43,6 @@ def known_as(known: str, node: str) -> list[str]:
 
 
 # ------------------------------------------------------------------------------------------ all of them
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("family", LARGE)
-def test_known_solutions_of_larger_ones_solve(family: str) -> None:
-    for one in generators.get(family).instances():
-        if one.solution is not None:
-            assert verification.judge(one.problem, one.solution, KNOWN[one.known]).error <= 1e-12
-
-
-@pytest.mark.parametrize(
-    "name", [n for n, entry in LISTED.items() if entry.node == "equation" and entry.known in KNOWN]
-)
-def test_minpack_stays_at_the_solutions_of_equations(name: str) -> None:
-    one = instance(name)
-    found = root(one.problem.F, one.solution.z + 1e-3, tol=1e-14)
-    assert np.abs(found.x - one.solution.z).max() < 1e-4  # no better than √ε where the root is singular
 
 
 @pytest.mark.parametrize("family", some_by_day(FAMILIES, 11))
@@ -152,16 +133,6 @@ def _kojima(second: tuple[int, int], third: tuple[int, int, int]) -> Any:
     )
 
 
-def _mathiesen(share: str, rest: str, b2: str, b3: str) -> Any:
-    share, rest, b2, b3 = map(mpmath.mpf, (share, rest, b2, b3))
-
-    def F(y: Any, p1: Any, p2: Any, p3: Any) -> Any:
-        income = b2 * p2 + b3 * p3
-        return p2 + p3 - p1, y - share * income / p1, b2 - y - rest * income / p2, b3 - y
-
-    return F
-
-
 def _cournot(c: list[int], beta: list[str], scale: str, gamma: str) -> Any:
     def F(*q: Any) -> Any:
         Q, g = sum(q), mpmath.mpf(gamma)
@@ -217,21 +188,6 @@ def test_printed_solutions_refined_by_mpmath_are_those_of_the_instances(name: st
     np.testing.assert_allclose(digits, printed, atol=6e-3 if name == "nash-cournot-5" else 1e-4)
 
 
-@pytest.mark.parametrize("name", [*NAMED, "mathiesen", "mathiesen-hard"])
-def test_maps_are_the_formulas(name: str, rng: np.random.Generator) -> None:
-    others = {
-        "mathiesen": (_mathiesen("0.75", "0.25", "1", "0.5"), None),
-        "mathiesen-hard": (_mathiesen("0.9", "0.1", "5", "3"), None),
-    }
-    formula, _ = {**NAMED, **others}[name]
-    F = instance(name).problem.F
-    for _ in range(5):
-        z = rng.uniform(0.5, 3.0, F.inputs)
-        with mpmath.workdps(30):
-            expected = [float(f) for f in formula(*map(mpmath.mpf, z.tolist()))]
-        np.testing.assert_allclose(F(z), expected, rtol=1e-12, atol=1e-12)
-
-
 def test_kojima_and_shindo_have_two_solutions_and_one_is_degenerate() -> None:
     problem = instance("kojima-shindo").problem
     for z, degenerate in ((classics.REGULAR, False), (classics.DEGENERATE, True)):
@@ -246,49 +202,7 @@ def test_kojima_and_shindo_have_two_solutions_and_one_is_degenerate() -> None:
     assert len(instance("nash-cournot-10").starts) == 4
 
 
-@pytest.mark.parametrize("name", ["mathiesen", "mathiesen-hard"])
-def test_a_market_is_solved_by_a_ray_where_the_jacobian_is_singular(name: str) -> None:
-    problem, z = instance(name).problem, instance(name).solution.z
-    for t in (0.25, 1.0, 7.0):
-        assert verification.judge(problem, NCPPoint(z=z * [1, t, t, t]), 1e-12).solved
-    J = problem.F.jacobian(z).toarray()
-    assert np.linalg.matrix_rank(J, tol=1e-9) == 3
-    np.testing.assert_allclose(J @ [0, *z[1:]], 0, atol=1e-14)
-
-
 # ----------------------------------------------------------------------------------- firms and markets
-
-
-@pytest.mark.parametrize("n", [5, 33])
-def test_firms_have_as_many_unknowns_as_asked(n: int) -> None:
-    made = oligopoly.firms(n)
-    assert made.problem.sizes() == {"n": n}
-    assert verification.judge(made.problem, made.solution, 1e-12).solved
-    assert made.properties["out_of_the_market"] == n // 5
-
-
-def test_no_firm_earns_more_by_producing_otherwise() -> None:
-    """Profit p(Q) q − cost by itself, maximized over one firm's own production on a fine grid."""
-    beta = np.array([1.2, 1.1, 1.0, 0.9, 0.8])
-    c, q = np.array([10.0, 8, 6, 4, 2]), np.array(oligopoly.FIVE)
-
-    def profit(i: int, own: np.ndarray) -> np.ndarray:
-        price = (5000 / (q.sum() - q[i] + own)) ** (1 / 1.1)
-        variable = beta[i] / (1 + beta[i]) * 5.0 ** (-1 / beta[i]) * own ** (1 + 1 / beta[i])
-        return price * own - c[i] * own - variable
-
-    for i in range(5):
-        grid = np.linspace(0.0, 100.0, 4001)
-        assert profit(i, grid).max() <= profit(i, q[i : i + 1])[0] + 1e-9
-
-
-@pytest.mark.parametrize("goods", [4, 9])
-def test_walras_law_and_homogeneity(goods: int, rng: np.random.Generator) -> None:
-    for made in (walras.cobb_douglas(goods, 3), walras.substitution(goods, 3, 0.5), walras.substitution(goods, 3, 2.0)):
-        p = rng.uniform(0.5, 2.0, goods)
-        F = made.problem.F
-        assert abs(p @ F(p)) <= 1e-11 * np.abs(F(p)).max()
-        np.testing.assert_allclose(F(3.0 * p), F(p), rtol=1e-11, atol=1e-10)
 
 
 @pytest.mark.parametrize("power", [-6, 0, 6])
@@ -310,184 +224,7 @@ def test_degree_1_has_no_constants() -> None:
     assert verification.judge(NCP(F=F), NCPPoint(z=[1.0, 2.0, 1.0]), 1e-9).flags == ("absolute",)
 
 
-def test_demand_is_what_a_consumer_wants_most(rng: np.random.Generator) -> None:
-    """Of the economies' demand functions: no affordable basket has more utility, Cobb–Douglas and σ = ½, 2."""
-    economy = walras._Economy(4, 3, 403)
-    p = rng.uniform(0.5, 2.0, 4)
-    a = economy.shares[0] + 0.01
-    wealth = 5.0
-    for sigma in (1.0, 0.5, 2.0):
-        if sigma == 1.0:
-            x = a / a.sum() * wealth / p
-            utility = lambda y: a @ np.log(y)  # noqa: E731
-        else:
-            x = a * wealth * p**-sigma / (a @ p ** (1 - sigma))
-            power = 1 - 1 / sigma
-            utility = lambda y: np.sign(power) * (a ** (1 / sigma)) @ y**power  # noqa: B023, E731
-        assert p @ x == pytest.approx(wealth)
-        for _ in range(50):
-            other = x * rng.uniform(0.8, 1.25, 4)
-            assert utility(other * wealth / (p @ other)) <= utility(x) + 1e-12
-
-
-def test_endowments_are_no_debts() -> None:
-    for goods, people in ((4, 3), (10, 5), (40, 12)):
-        economy = walras._Economy(goods, people, 100 * goods + people)
-        assert (economy.e >= 0).all()
-        assert (economy.shares.sum(axis=0) > 0).all()
-        np.testing.assert_array_equal(economy.e @ economy.p, economy.x @ economy.p)
-
-
-def test_activities_break_even_or_lie_idle() -> None:
-    made = walras.activities(12, 5, 10)
-    y, profit = made.solution.z[:10], -made.problem.F(made.solution.z)[:10]
-    assert (profit[y > 0] == 0).all()
-    assert (profit[y == 0] < 0).all()
-    assert made.problem.lb[10] == made.problem.ub[10] == 1.0
-
-
-# ------------------------------------------------------------------------------------------- membranes
-
-
-def _five_point(u: np.ndarray) -> np.ndarray:
-    w = np.pad(u, 1)
-    return 4 * u - w[:-2, 1:-1] - w[2:, 1:-1] - w[1:-1, :-2] - w[1:-1, 2:]
-
-
-def test_membranes_are_their_stencils(rng: np.random.Generator) -> None:
-    n, h = 7, 1 / 8
-    u = rng.uniform(0.0, 1.0, (n, n))
-    flat = u.ravel()
-    np.testing.assert_allclose(membranes.membrane(n).problem.F(flat), (_five_point(u) - h * h).ravel(), atol=1e-14)
-    bratu = membranes.bratu(n, 6.0, 0.5).problem
-    np.testing.assert_allclose(bratu.F(flat), (_five_point(u) - 6 * h * h * np.exp(u)).ravel(), atol=1e-14)
-
-
-def _area(n: int, u: np.ndarray) -> float:
-    """Of the two triangles of every cell."""
-    axis = np.arange(n + 2) / (n + 1)
-    whole = np.zeros((n + 2, n + 2))
-    whole[:, 0] = whole[:, -1] = 1 - (2 * axis - 1) ** 2
-    whole[1:-1, 1:-1] = u.reshape(n, n)
-    h = 1 / (n + 1)
-    dx, dy = np.diff(whole, axis=0) / h, np.diff(whole, axis=1) / h
-    lower = np.sqrt(1 + dx[:, :-1] ** 2 + dy[:-1, :] ** 2)
-    upper = np.sqrt(1 + dx[:, 1:] ** 2 + dy[1:, :] ** 2)
-    return float((lower.sum() + upper.sum()) * h * h / 2)
-
-
-def test_the_surface_is_the_gradient_of_its_area(rng: np.random.Generator) -> None:
-    n, step = 4, 1e-6
-    F = membranes.minimal_surface(n).problem.F
-    u = rng.uniform(0.0, 1.0, n * n)
-    slopes = [(_area(n, u + step * e) - _area(n, u - step * e)) / (2 * step) for e in np.eye(n * n)]
-    np.testing.assert_allclose(F(u), slopes, atol=1e-9)
-
-
-def _active_sets(problem: MiCP) -> np.ndarray:
-    """A primal-dual active set method with full Newton steps, by dense algebra: nothing of the solvers."""
-    z = np.clip(problem.start, problem.lb, problem.ub)
-    for _ in range(100):
-        F, J = problem.F(z), problem.F.jacobian(z).toarray()
-        down, up = z - F / 10 <= problem.lb, z - F / 10 >= problem.ub
-        J[down | up] = np.eye(z.size)[down | up]
-        step = np.linalg.solve(J, np.select([down, up], [problem.lb - z, problem.ub - z], -F))
-        z = z + step
-        if np.abs(step).max() < 1e-13:
-            return z
-    raise AssertionError("no solution")
-
-
-@pytest.mark.parametrize("name", known_as("nothing", "micp"))
-def test_membranes_lie_between_their_obstacles_and_touch_them(name: str) -> None:
-    problem = instance(name).problem
-    z = _active_sets(problem)
-    verdict = verification.judge(problem, problem.point_from_vector(z), 1e-10)
-    assert verdict.solved
-    on = (z <= problem.lb + 1e-12) | (z >= problem.ub - 1e-12)
-    assert 0 < on.sum() < z.size
-    side = math.isqrt(z.size)
-    if not name.startswith("membrane"):
-        np.testing.assert_allclose(z.reshape(side, side), z.reshape(side, side)[::-1, ::-1], atol=1e-10)
-    if name.startswith("minimal"):
-        assert _area(side, z) <= _area(side, problem.start)
-
-
-# --------------------------------------------------------------------------------------------- traffic
-
-
-def test_a_bridge_makes_everybody_late() -> None:
-    assert instance("braess-without-bridge").solution.z[-1] == 83.0
-    assert instance("braess").solution.z[-1] == 92.0
-    z = instance("braess").solution.z
-    links = {"first": z[0] + z[2], "last": z[1] + z[2]}
-    assert 10 * links["first"] + z[0] + 50 == 10 * links["first"] + z[2] + 10 + 10 * links["last"] == 92.0
-
-
-@pytest.mark.parametrize(("side", "destinations"), [(3, 1), (5, 2)])
-def test_every_used_way_is_a_shortest_one(side: int, destinations: int) -> None:
-    """Wardrop's principle, with the shortest ways by SciPy's Dijkstra for the times of the flows."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    made = traffic.grid(side, destinations)
-    net = traffic._Grid(side, 10 * side + destinations)
-    arcs = len(net.arcs)
-    flows = made.solution.z.reshape(destinations, -1)[:, :arcs]
-    times = net.time  # those at the flows, by construction; the map says the same
-    np.testing.assert_allclose(
-        made.problem.F(made.solution.z).reshape(destinations, -1)[0, :arcs][flows[0] > 0], 0.0, atol=1e-13
-    )
-    tails, heads = np.array(net.arcs).T
-    for flow in flows:
-        back = np.bincount(tails, flow, side * side) - np.bincount(heads, flow, side * side)
-        goal = int(np.argmin(back))
-        far = dijkstra(csr_array((times, (heads, tails)), shape=(side * side,) * 2), indices=goal)
-        np.testing.assert_array_equal((times + far[heads] - far[tails])[flow > 0], 0.0)
-    assert made.problem.sizes()["n"] == destinations * (arcs + side * side - 1)
-
-
-def test_costs_of_the_grid_grow_with_the_fourth_power() -> None:
-    problem = traffic.grid(3, 1).problem
-    arcs = 24
-    rise = [problem.F(np.full(32, x))[:arcs] - problem.F(np.zeros(32))[:arcs] for x in (0.0, 4.0, 8.0)]
-    potential = np.array(
-        [0.0 if (problem.F.jacobian(np.zeros(32)).toarray()[a, arcs:] != 0).sum() == 2 else 1.0 for a in range(arcs)]
-    )
-    for x, r in zip((4.0, 8.0), rise[1:], strict=True):
-        bare = np.where(potential == 0, r, np.nan)
-        assert np.nanmin(bare) > 0, x
-    inner = potential == 0
-    np.testing.assert_allclose(rise[2][inner], 16 * rise[1][inner], rtol=1e-10)
-
-
 # ------------------------------------------------------------------------------------- sets and cones
-
-
-def test_no_point_of_a_polyhedron_is_better_by_linear_programming() -> None:
-    """F(z)ᵀ(y − z) ≥ 0 for all y ∈ X, with y by HiGHS."""
-    polyhedral = [one for one in map(instance, LISTED) if isinstance(one.problem, VI) and _is_polyhedron(one.problem)]
-    assert len(polyhedral) >= 5
-    for one in polyhedral:
-        problem, z = one.problem, one.solution.z
-        F = problem.F(z)
-        inequalities = {"A_ub": -matrices.dense(problem.A), "b_ub": -problem.b} if problem.b.size else {}
-        equations = {"A_eq": matrices.dense(problem.C), "b_eq": problem.d} if problem.d.size else {}
-        best = linprog(F, **inequalities, **equations, bounds=np.column_stack([problem.lb, problem.ub]))
-        assert best.status == 0, one.name
-        assert best.fun == pytest.approx(F @ z, abs=1e-7 * max(1.0, np.abs(F).max())), one.name
-
-
-def _is_polyhedron(problem: VI) -> bool:
-    return not problem.g.rows and not problem.cone_kind.size
-
-
-def test_no_point_of_the_ellipsoid_is_better(rng: np.random.Generator) -> None:
-    problem, z = instance("fukushima").problem, instance("fukushima").solution.z
-    y = rng.standard_normal((1000, 3))
-    y /= np.sqrt((y**2 * [1, 0.4, 0.6]).sum(axis=1))[:, None]
-    assert ((y - z) @ problem.F(z)).min() >= -1e-12
-    np.testing.assert_allclose([problem.g(x)[0] for x in y[:5]], 0.0, atol=1e-14)
 
 
 def test_portable_functions_are_those_of_the_library() -> None:
@@ -563,23 +300,6 @@ def test_every_program_has_its_published_minimum() -> None:
         assert instance(f"hs{number}").properties["objective"] == pytest.approx(value, rel=2e-8, abs=1e-12)
     for number, z in PRINTED.items():
         assert instance(f"hs{number}").solution.z == pytest.approx(z, abs=4e-6)
-
-
-@pytest.mark.parametrize("name", [n for n in PROGRAMS if n != "hs2"])
-def test_slsqp_comes_from_the_published_start_to_the_published_minimum(name: str) -> None:
-    """SciPy's SLSQP; of hs2 it finds the other minimum, 4.94, which the book names too."""
-    problem = instance(name).problem
-    constraints = [
-        {"type": kind, "fun": F, "jac": lambda z, F=F: F.jacobian(z).toarray()}
-        for kind, F in (("ineq", problem.g), ("eq", problem.h))
-        if F.rows
-    ]
-    found = minimize(
-        problem.objective, problem.at_start, jac=lambda z: problem.f.jacobian(z).toarray().ravel(), method="SLSQP",
-        bounds=np.column_stack([problem.lb, problem.ub]), constraints=constraints,
-        options={"ftol": 1e-14, "maxiter": 500},
-    )  # fmt: skip
-    assert found.fun == pytest.approx(PUBLISHED[int(name.removeprefix("hs"))], rel=1e-6, abs=1e-6)
 
 
 def test_convex_is_as_said(rng: np.random.Generator) -> None:

@@ -24,7 +24,7 @@ from mof_schema import violations
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import NCP, NLP, QP, QVI, MiCP, formulations
+from cpbench.formulations import NCP, NLP, QP, MiCP, formulations
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench_problems.formats import mof_json, to_mof
 from cpbench_problems.formats.model_problem import complementarity, program
@@ -76,31 +76,6 @@ def test_a_map_comes_back_bit_for_bit(F: Map) -> None:
     assert _read(to_mof.vector(F, _names(F.inputs)), F.inputs) == F
     scalars = to_mof.scalars(F, _names(F.inputs))
     assert scalars is None or _read(scalars, F.inputs) == F
-
-
-def test_hdf5_keeps_maps_of_two_kinds_of_unknowns(tmp_path: Path) -> None:
-    """g of a QVI takes (y, z), the bounds that move take z."""
-    y, z = ca.SX.sym("y", 2), ca.SX.sym("z", 2)
-    problem = QVI(
-        F=Map.from_casadi(z, z * z - 1),
-        g=Map.from_casadi(ca.vertcat(y, z), 1 - y[0] * z[1]),
-        lower=Map.from_casadi(z, z - 3),
-        upper=Map.from_casadi(z, z + 1),
-    )
-    storage.save(problem, tmp_path / "p.h5")
-    again = storage.load(tmp_path / "p.h5")
-    assert isinstance(again, QVI)
-    assert again.fingerprint == problem.fingerprint
-    assert (again.g.shape, again.lower.shape) == ((1, 4), (2, 2))
-
-
-def test_starts_are_kept_with_the_sign_of_a_zero(tmp_path: Path) -> None:
-    z = ca.SX.sym("z", 3)
-    problem = NCP.from_casadi(z, z**2 - 1, start=[-0.0, 1.5, 0.0])
-    storage.save(problem, tmp_path / "p.mof.json")
-    again = storage.load(tmp_path / "p.mof.json")
-    assert np.signbit(again.data()["start"]).tolist() == [True, False, False]
-    assert again.fingerprint == problem.fingerprint
 
 
 def test_simple_functions_are_written_as_such(tmp_path: Path) -> None:
@@ -173,23 +148,6 @@ def test_files_keep_to_the_schema(node: str, schema: dict[str, Any], tmp_path: P
     for seed in range(4):
         storage.save(draw(node, seed, 4).problem, tmp_path / "p.mof.json", force=True)
         assert violations(json.loads((tmp_path / "p.mof.json").read_text()), schema, schema) == []
-
-
-@pytest.mark.nightly
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(F=maps())
-def test_maps_keep_to_the_schema(F: Map, schema: dict[str, Any]) -> None:
-    names = _names(F.inputs)
-    functions = [{"function": f, "set": {"type": "EqualTo", "value": 0.0}} for f in to_mof.scalars(F, names) or ()]
-    if F.rows:
-        functions.append({"function": to_mof.vector(F, names), "set": {"type": "Zeros", "dimension": F.rows}})
-    model = {
-        "version": to_mof.VERSION,
-        "variables": [{"name": name} for name in names],
-        "objective": {"sense": "feasibility"},
-        "constraints": functions,
-    }
-    assert violations(model, schema, schema) == []
 
 
 def test_every_operator_is_the_schemas_or_told_apart(schema: dict[str, Any]) -> None:

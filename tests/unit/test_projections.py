@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -93,22 +91,6 @@ def test_the_nearest_point_of_a_cylinder(radius: float, rng: np.random.Generator
         assert ((others - p) @ (x - p)).max() <= 1e-13
 
 
-def test_a_solver_finds_the_same_points(rng: np.random.Generator) -> None:
-    """cvxpy with Clarabel: min ‖p − x‖ over the rolling cone, its dual as minimum over multipliers, the cylinder."""
-    cp = pytest.importorskip("cvxpy", reason="needs the package cvxpy")
-    for x in rng.standard_normal((4, 5)):
-        p = cp.Variable(5)
-        t, m = cp.norm(p[1:3]), cp.norm(p[3:])
-        for constraints, kind in (
-            ([t <= MU * p[0], m <= MU_R * p[0]], Cone.ROLLING),
-            ([MU * t + MU_R * m <= p[0]], Cone.ROLLING_DUAL),
-        ):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                cp.Problem(cp.Minimize(cp.sum_squares(p - x)), constraints).solve(solver="CLARABEL")
-            assert np.allclose(ProductCone.of((kind, 1, 5, MU, MU_R)).project(x), p.value, atol=1e-5)
-
-
 def test_the_rolling_projection_keeps_its_digits(rng: np.random.Generator) -> None:
     """s on the boundary, y = 1e8 times a normal there: P(s − y) = s up to rounding of y, not up to its square root."""
     size, speed = rng.uniform(0.1, 2.0, (200, 1)), 1e8 * rng.uniform(0.1, 2.0, (200, 2))
@@ -150,12 +132,3 @@ def test_a_product_is_projected_factor_by_factor(rng: np.random.Generator) -> No
     flat = np.flatnonzero(~K.extended).tolist()
     assert flat == [15, 16, 17, 19, 20]  # ω of a contact that resists no rolling, {0}, the tangents of a ray
     assert not K.conical
-
-
-def test_the_dual_of_the_dual() -> None:
-    K = ProductCone.of(
-        (Cone.SECOND_ORDER, 3, 3, np.array([0.0, 0.5, np.inf])), (Cone.ZERO, 1, 2), (Cone.ROLLING, 1, 5, 1.0)
-    )
-    again = K.dual().dual()
-    for name in ("kind", "size", "mu", "mu_r"):
-        assert np.array_equal(getattr(again, name), getattr(K, name))

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
-import planted_conic
 import planted_contact
 import pytest
 
@@ -80,17 +78,6 @@ def _natural_rolling(r: np.ndarray, u: np.ndarray, mu: np.ndarray, mu_r: np.ndar
     return math.sqrt(total)
 
 
-@pytest.mark.parametrize("d", [3, 5])
-def test_rolling_against_alternating_projections(d: int, rng: np.random.Generator) -> None:
-    for seed in range(4):
-        problem, point = planted_contact.rfc(np.random.default_rng(seed), 3, d)
-        r = point.r + 0.3 * rng.standard_normal(3 * d)
-        u = problem.W @ r + problem.q
-        expected = _natural_rolling(r, u, problem.mu, problem.mu_r, d)
-        expected /= max(np.linalg.norm(v) for v in (r, u, problem.q))
-        assert problem.residuals(FCPoint(r=r)).measured["natural"] == pytest.approx(expected, rel=1e-6)
-
-
 def test_a_wrong_ellipse_shows(rng: np.random.Generator) -> None:
     """The scaled error of an elliptic contact is 0 exactly where r solves the law, tested on its optimality conditions.
 
@@ -138,71 +125,6 @@ def test_local_mixed_and_global_are_one_problem(rng: np.random.Generator) -> Non
             assert theirs["energy"] == pytest.approx(ours["energy"], rel=1e-9)
             assert theirs["opening"] == pytest.approx(ours["opening"], rel=1e-9, abs=1e-15)
         assert ours["natural"] == pytest.approx(expected, rel=1e-6)
-
-
-def test_boxes_against_a_loop(rng: np.random.Generator) -> None:
-    for seed in range(5):
-        relay, point = planted_conic.relay(np.random.default_rng(seed), 6)
-        z = point.z + 0.2 * rng.standard_normal(6)
-        w = relay.M @ z + relay.q
-        step = [x - min(max(x - f, lo), hi) for x, f, lo, hi in zip(z, w, relay.lb, relay.ub, strict=True)]
-        expected = math.hypot(*step) / (1 + np.linalg.norm(relay.q))
-        assert relay.residuals(LCPPoint(z=z)).measured["natural"] == pytest.approx(expected, rel=1e-12)
-        avi = AVI(M=relay.M, q=relay.q, lb=relay.lb, ub=relay.ub)
-        data = np.concatenate([relay.q, relay.lb[relay.lb == relay.ub]])
-        expected = math.hypot(*step) / np.linalg.norm(data)
-        assert avi.residuals(AVIPoint(z=z)).measured["natural"] == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_polyhedral_solution_is_one_by_definition(rng: np.random.Generator) -> None:
-    """(Mz + q)ᵀ(y − z) ≥ 0 over X, by a linear program (HiGHS): 0 at points without error, negative at others."""
-    from scipy.optimize import linprog
-
-    for seed in range(6):
-        avi, point = planted_conic.avi(np.random.default_rng(seed), 5, 4, 1, "positive definite")
-        box = list(zip(avi.lb, avi.ub, strict=True))
-
-        def gap(z: np.ndarray, avi: AVI = avi, box: Any = box) -> float:
-            cost = avi.M @ z + avi.q
-            lp = linprog(cost, A_ub=-avi.A, b_ub=-avi.b, A_eq=avi.C, b_eq=avi.d, bounds=box)
-            return -math.inf if lp.status == 3 else float(lp.fun - cost @ z)
-
-        assert avi.residuals(point).error < 1e-12
-        assert gap(point.z) == pytest.approx(0.0, abs=1e-8)
-        start = linprog(
-            rng.standard_normal(5),
-            A_ub=-avi.A,
-            b_ub=-avi.b,
-            A_eq=avi.C,
-            b_eq=avi.d,
-            bounds=[(max(lo, -9), min(hi, 9)) for lo, hi in box],
-        )
-        if start.status == 0 and gap(start.x) < -1e-3:
-            multipliers = dataclasses.replace(point, z=start.x)
-            assert avi.residuals(multipliers).error > 1e-4
-
-
-def test_cones_against_their_definition(rng: np.random.Generator) -> None:
-    """natural of soclcp and coneqp with projections by loops."""
-    K = ProductCone.of(
-        (Cone.SECOND_ORDER, 2, 3, np.array([0.5, 2.0])), (Cone.ROLLING, 1, 5, 0.6, 0.3), (Cone.FREE, 1, 1)
-    )
-
-    def project(x: np.ndarray) -> np.ndarray:
-        parts = [_soc(x[:3], [1, 2], 0.5), _soc(x[3:6], [1, 2], 2.0), _rolling(x[6:11], 0.6, 0.3), x[11:]]
-        return np.concatenate(parts)
-
-    problem, point = planted_conic.soclcp(rng, K, "positive definite")
-    x = point.x + 0.2 * rng.standard_normal(12)
-    w = problem.M @ x + problem.q
-    expected = np.linalg.norm(x - project(x - w)) / np.linalg.norm(problem.q)
-    assert problem.residuals(SOCLCPPoint(x=x)).measured["natural"] == pytest.approx(expected, rel=1e-6)
-    program, at = planted_conic.coneqp(rng, 7, K)
-    x, y = at.x + 0.2 * rng.standard_normal(7), at.y + 0.2 * rng.standard_normal(12)
-    s = program.A @ x + program.b
-    parts = np.concatenate([program.Q @ x + program.p - program.A.T @ y, s - project(s - y)])
-    expected = np.linalg.norm(parts) / np.linalg.norm(np.concatenate([program.p, program.b]))
-    assert program.residuals(ConeQPPoint(x=x, y=y)).measured["natural"] == pytest.approx(expected, rel=1e-6)
 
 
 UNIT_FREE = [

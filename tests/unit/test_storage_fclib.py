@@ -77,20 +77,6 @@ def test_the_c_library_reads_our_local_files(name: str, compress: bool, c_reader
     assert found.get("title", [""]) == [problem.info.title]
 
 
-@pytest.mark.parametrize("name", ["fcm3-dense-5-2", "fcm2-sparse-5-2", "fcm3-sparse-5-2", "fcm3-sparse-1-0"])
-def test_the_c_library_reads_our_local_mixed_files(name: str, c_reader: Path, tmp_path: Path) -> None:
-    problem = CASES[name]
-    storage.save(problem, tmp_path / "p.hdf5", format="fclib")
-    found = read_with_c(c_reader, "local", tmp_path / "p.hdf5")
-    assert found["spacedim"] == [str(problem.dimension)]
-    constrained = problem.s.size > 0
-    for part in ("W", "V", "R") if constrained else ("W",):
-        assert found[part] == matrix_sums(getattr(problem, part), triplet=False)
-    for part in ("q", "mu", "s") if constrained else ("q", "mu"):
-        assert found[part] == vector_sum(getattr(problem, part))
-    assert ("V" in found) == constrained
-
-
 GLOBAL = ["gfc2-sparse-5", "gfc3-dense-5", "gfc3-mixed", "gfc3-sparse-1", "gfc2-dense-5-2", "gfc3-joints-only-sparse"]
 
 
@@ -100,19 +86,6 @@ def test_the_c_library_reads_our_global_files(name: str, c_reader: Path, tmp_pat
     storage.save(problem, tmp_path / "p.hdf5")
     found = read_with_c(c_reader, "global", tmp_path / "p.hdf5")
     compare_global(problem, found)
-
-
-@pytest.mark.parametrize("name", ["grfc3-dense-5-2", "grfc5-sparse-5-2", "grfc5-dense-1-0"])
-def test_the_c_library_reads_our_global_rolling_files(name: str, c_reader: Path, tmp_path: Path) -> None:
-    """Debian's library is older than this group, which is a global one under another name, with mu_r."""
-    problem = CASES[name]
-    storage.save(problem, tmp_path / "p.hdf5", format="fclib")
-    with h5py.File(tmp_path / "p.hdf5", "r+") as file:
-        file.move("fclib_global_rolling", "fclib_global")
-        mu_r: Any = file["fclib_global/vectors/mu_r"]
-        assert (mu_r.shape, mu_r.dtype) == ((problem.nc,), "f8")
-        assert mu_r[()].tolist() == problem.mu_r.tolist()
-    compare_global(problem, read_with_c(c_reader, "global", tmp_path / "p.hdf5"))
 
 
 def compare_global(problem: Any, found: dict[str, list[str]]) -> None:

@@ -6,7 +6,6 @@ import dataclasses
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.formulations import LCP
@@ -23,50 +21,10 @@ from cpbench.foundation.matrices import matrix
 sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import INFO, cases, same
 
-from cpbench import graph
-from cpbench.conversions.base import make
 from cpbench.errors import FormatError
-from cpbench.formulations import MLCP, LCPPoint
 from cpbench.storage import base
 
 CASES = cases()
-
-
-def text_refusal(problem: Any) -> str:
-    """Why Siconos text cannot hold a problem, "" when it can."""
-    if problem.node in ("qp", "afc", "fcm", "coneqp"):
-        return rf"no format writes a problem of type {problem.node} to a name that ends in '\.dat'"
-    if problem.node in ("gfc", "grfc") and problem.b.size:
-        return "has 2 bilateral constraints: Siconos text has no place for them"
-    if problem.node == "avi" and (problem.b.size or np.isfinite(problem.ub).any()):
-        return "has a set X: Siconos text has no place for it"
-    if problem.node == "soclcp" and not ((problem.cone_kind == 3) & (problem.cone_mu < np.inf)).all():
-        return "cone_kind 0: is zero with mu = 0: Siconos text has second-order cones"
-    return ""
-
-
-@pytest.mark.parametrize("name", some_by_day([n for n in CASES if "converted" not in n], 60))
-def test_siconos_text_is_bit_exact(name: str, tmp_path: Path) -> None:
-    problem = CASES[name]
-    path = tmp_path / "p.dat"
-    refusal = text_refusal(problem)
-    if refusal:
-        with pytest.raises(FormatError, match=refusal):
-            storage.save(problem, path)
-        assert not path.exists()
-        return
-    storage.save(problem, path)
-    loaded = storage.load(path)
-    assert type(loaded) is type(problem)
-    assert getattr(loaded, "dimension", None) == getattr(problem, "dimension", None)
-    for field, value in problem.data().items():
-        got = loaded.data()[field]
-        if problem.node == "mlcp" and hasattr(value, "tocsr"):
-            assert np.array_equal(got.toarray() if hasattr(got, "toarray") else got, value.toarray()), field
-        elif field == "G":
-            assert got.shape == value.shape
-        else:
-            assert same(got, value), field
 
 
 @pytest.mark.parametrize("name", [n for n in CASES if n.startswith("qp")])
@@ -79,30 +37,6 @@ def test_qp_npz_keeps_the_numbers_and_opens_in_qpsolvers(name: str, tmp_path: Pa
     theirs = QPSolversProblem.load(str(path))
     assert np.array_equal(theirs.q, problem.p)
     assert np.array_equal(theirs.h, -problem.b)
-
-
-def test_a_converted_file_lifts_in_another_process(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
-    source = MLCP(
-        A=np.eye(3) + 0.1 * rng.random((3, 3)),
-        B=np.eye(2),
-        C=rng.random((3, 2)),
-        D=rng.random((2, 3)),
-        a=rng.random(3),
-        b=rng.random(2),
-    )
-    converted = make("mlcp-lcp-schur").step(source)
-    storage.save(converted, tmp_path / "c.h5")
-    lifted = graph.lift(converted, LCPPoint(z=np.array([0.25, 1.5])))
-    code = (
-        "import sys, numpy as np; from cpbench import graph, storage; from cpbench.formulations import LCPPoint; "
-        "p = storage.load(sys.argv[1]); x = graph.lift(p, LCPPoint(z=np.array([0.25, 1.5]))); "
-        "print(x.u.tobytes().hex(), p.provenance[0].source)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "c.h5")], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split() == [lifted.u.tobytes().hex(), source.fingerprint]
 
 
 def test_pack_and_members(tmp_path: Path) -> None:
@@ -172,23 +106,6 @@ def test_contact_files_are_fclib(tmp_path: Path) -> None:
         assert np.array_equal(CASES["gfc3-dense-5"].H[rows, cols], H["x"][:])
 
 
-def test_an_existing_file_needs_force(tmp_path: Path) -> None:
-    path = tmp_path / "a.h5"
-    problem = CASES["lcp-dense-11"]
-    storage.save(problem, path)
-    before = path.read_bytes()
-    for write in (
-        lambda: storage.save(problem, path),
-        lambda: storage.save_pack({"a": problem}, path),
-        lambda: storage.save_answer(path, problem, problem.zero_point(), {}),
-    ):
-        with pytest.raises(FormatError, match="exists already"):
-            write()
-    assert path.read_bytes() == before
-    storage.save(CASES["qp-dense-7-4"], path, force=True)
-    assert storage.load(path).node == "qp"
-
-
 def test_an_interrupted_write_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.h5"
     storage.save(CASES["lcp-dense-11"], path)
@@ -213,26 +130,6 @@ def test_a_problem_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None
     with pytest.raises(FormatError, match="cannot be written"):
         storage.save(CASES["lcp-dense-11"], tmp_path / "no" / "a.h5")
     assert os.listdir(tmp_path) == []
-
-
-def test_loading_a_small_problem_is_quick(tmp_path: Path) -> None:
-    """A few times h5py's own open and read, measured in turn, the least of 200: the machine is shared."""
-    problem = LCP(M=np.eye(20), q=np.ones(20), name="small")
-    path = tmp_path / "small.h5"
-    storage.save(problem, path)
-
-    def bare() -> None:
-        with h5py.File(path, "r") as file:
-            file["cpbench/M"][()], file["cpbench/vectors/q"][()]
-
-    def seconds(action: Any) -> float:
-        start = time.perf_counter()
-        action()
-        return time.perf_counter() - start
-
-    taken = np.array([(seconds(lambda: storage.load(path)), seconds(bare)) for _ in range(200)])
-    ours, theirs = taken.min(axis=0)
-    assert ours < 5 * theirs
 
 
 @pytest.mark.nightly
