@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cpbench
 from cpbench import registry
 from cpbench.bench.processes.launch import THREAD_VARIABLES
 from cpbench.foundation import kernel_cache
@@ -35,8 +34,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ABSENT = [name for name in ("cpbench_solvers", "cpbench_lab") if find_spec(name) is None]
 """Packages that cpbench does without: `.ci/core` runs these tests where neither is installed."""
 if "cpbench_solvers" in ABSENT:
-    short = (Path(cpbench.__file__).parent / "testing" / "reference").glob("[!_]*.py")
-    os.environ[PLUGIN_FILES] = os.pathsep.join(map(str, sorted(short)))
+    os.environ[PLUGIN_FILES] = os.pathsep.join(map(str, sorted((ROOT / "tests" / "reference").glob("*.py"))))
 ALLOWED_SKIPS = ("needs the folder of real files", "needs a licence", "needs a program: julia", "does not apply")
 collect_ignore = [
     "unit/siconos_errors.py",

@@ -8,6 +8,7 @@ import pickle
 import re
 import tempfile
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from cpbench.testing import Case, refused
 
 LIFTED = 1e-7
 """Error of a lifted solution: the conversion may lose digits, not more than half of them."""
+KEPT = 512
+"""Problems that are kept as an edge converts them, so that its checks do not convert again."""
 
 
 def _open(edge: Conversion, cases: list[Case]) -> Iterator[tuple[Case, Problem]]:
@@ -30,18 +33,9 @@ def _open(edge: Conversion, cases: list[Case]) -> Iterator[tuple[Case, Problem]]
             yield case, _converted(edge, case.problem)
 
 
-_known: dict[tuple[int, int], tuple[Conversion, Problem, Problem]] = {}
-"""Each problem as the checked edge converts it, so that its checks do not convert again; both are kept, so
-that nothing else gets their ids."""
-
-
+@lru_cache(maxsize=KEPT)
 def _converted(edge: Conversion, problem: Problem) -> Problem:
-    key = (id(edge), id(problem))
-    if key not in _known:
-        if any(other is not edge for other, *_ in _known.values()):
-            _known.clear()
-        _known[key] = edge, problem, edge.step(problem)
-    return _known[key][2]
+    return edge.step(problem)
 
 
 def check_some_case_takes_it(edge: Conversion, cases: list[Case]) -> None:

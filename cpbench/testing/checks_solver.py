@@ -8,7 +8,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -33,42 +33,27 @@ SECONDS = 120.0
 """For a case that takes far less: no claim may depend on how busy the machine is."""
 PATIENCE = 4.0
 """Seconds for a case on which a solver is known to fail; one that hangs is given half as much again, and 5."""
+KEPT = 512
+"""Solves that are kept."""
 SLACK = 1.001
 """A claim at the tolerance may be rounded; nothing beyond that."""
 
 
-class _Memory:
-    """Earlier solves of the solver that is being checked, so that its checks do not repeat each other's solves.
-
-    It is of one solver at a time, and only of one with the trait deterministic: `check_the_same_twice` holds that it
-    has the trait by right.
-    """
-
-    def __init__(self) -> None:
-        self._solver: Solver | None = None
-        self._known: dict[tuple[Any, ...], tuple[Problem, Any]] = {}
-
-    def get(self, solver: Solver, problem: Problem, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """Return what `make` returns, or returned for the same solver, problem and key."""
-        if Trait.DETERMINISTIC not in solver.spec.traits:
-            return make()
-        if self._solver is not solver:
-            self._solver, self._known = solver, {}
-        key = (id(problem), *key)
-        if key not in self._known:
-            self._known[key] = problem, make()  # the problem is kept, so that no other one gets its id
-        return self._known[key][1]
+def _repeatable(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Keep what a solve of a deterministic solver returns, so that its checks do not repeat each other's solves:
+    `check_the_same_twice` holds that it has the trait by right."""
+    kept = lru_cache(maxsize=KEPT)(call)
+    return lambda solver, *given: (kept if Trait.DETERMINISTIC in solver.spec.traits else call)(solver, *given)
 
 
-_memory = _Memory()
+@_repeatable
+def _solved(solver: Solver, problem: Problem, budget: Budget, start: Any | None) -> SolverOutput:
+    return solver.run(problem, budget, start=start)
 
 
 def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
-    begun = None if start is None else tuple((part, value.tobytes()) for part, value in start.arrays().items())
     limits: dict[str, Any] = {"tolerance": TOLERANCE, "seconds": SECONDS, **budget}
-    limited = Budget(**limits)
-    key = ("run", begun, limited)
-    return _memory.get(solver, case.problem, key, lambda: solver.run(case.problem, limited, start=start))
+    return _solved(solver, case.problem, Budget(**limits), start)
 
 
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
@@ -78,12 +63,9 @@ def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
             yield case
 
 
+@_repeatable
 def _takes(solver: Solver, problem: Problem) -> bool:
     """Return whether a solver takes a problem; a program may refuse one only when it has read it."""
-    return _memory.get(solver, problem, ("takes",), lambda: _can_take(solver, problem))
-
-
-def _can_take(solver: Solver, problem: Problem) -> bool:
     if solver.obstacle(problem) is not None:
         return False
     try:
@@ -143,19 +125,16 @@ def check_answers_have_their_shape(solver: Solver, cases: list[Case]) -> None:
 
 def check_the_problem_stays(solver: Solver, cases: list[Case]) -> None:
     for case in _open(solver, cases):
-        unchanged, _ = _second(solver, case)
+        unchanged, _ = _second(solver, case.problem)
         assert unchanged, case.name
 
 
-def _second(solver: Solver, case: Case) -> tuple[bool, SolverOutput]:
+@_repeatable
+def _second(solver: Solver, problem: Problem) -> tuple[bool, SolverOutput]:
     """Return a solve apart from that of `_run`: whether it leaves the problem as it was, and what it returns."""
-
-    def make() -> tuple[bool, SolverOutput]:
-        before = _content(case.problem)
-        output = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=SECONDS))
-        return before == _content(case.problem), output
-
-    return _memory.get(solver, case.problem, ("second",), make)
+    before = _content(problem)
+    output = solver.run(problem, Budget(tolerance=TOLERANCE, seconds=SECONDS))
+    return before == _content(problem), output
 
 
 def _content(problem: Problem) -> dict[str, bytes]:
@@ -181,7 +160,7 @@ def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
     only_for(Trait.DETERMINISTIC in solver.spec.traits, "solvers with the trait deterministic")
     for case in _open(solver, cases):
         first = _run(solver, case)
-        _, second = _second(solver, case)
+        _, second = _second(solver, case.problem)
         assert first.claim is second.claim, case.name
         _same_point(first.point, second.point, case.name)
 
@@ -228,7 +207,7 @@ def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None
     only_for(Trait.HISTORY in solver.spec.traits, "solvers with the trait history")
     recorded = 0
     for case in _open(solver, cases):
-        seen, output = _recorded(solver, case)
+        seen, output = _recorded(solver, case.problem)
         recorded += len(seen) > 1
         iterations = [k for k, _ in seen]
         assert iterations == sorted(set(iterations)), f"{case.name}: iterations {iterations} do not rise"
@@ -247,23 +226,23 @@ def check_watching_changes_nothing(solver: Solver, cases: list[Case]) -> None:
     only_for({Trait.HISTORY, Trait.DETERMINISTIC} <= solver.spec.traits, "deterministic solvers with the trait history")
     for case in _open(solver, cases):
         alone = _run(solver, case)
-        for watched in (_watched(solver, case, lambda k, e, point: None), _recorded(solver, case)[1]):
+        for watched in (
+            _watched(solver, case.problem, lambda k, e, point: None),
+            _recorded(solver, case.problem)[1],
+        ):
             assert (watched.claim, watched.counters) == (alone.claim, alone.counters), case.name
             _same_point(watched.point, alone.point, f"{case.name}: the answers watched and alone")
 
 
-def _recorded(solver: Solver, case: Case) -> tuple[list[tuple[int, Any]], SolverOutput]:
+@_repeatable
+def _recorded(solver: Solver, problem: Problem) -> tuple[list[tuple[int, Any]], SolverOutput]:
     """Return all iterates of a solve with their numbers, and what it returns."""
-
-    def make() -> tuple[list[tuple[int, Any]], SolverOutput]:
-        seen: list[tuple[int, Any]] = []
-        return seen, _watched(solver, case, lambda k, _, point: seen.append((k, point())))
-
-    return _memory.get(solver, case.problem, ("recorded",), make)
+    seen: list[tuple[int, Any]] = []
+    return seen, _watched(solver, problem, lambda k, _, point: seen.append((k, point())))
 
 
-def _watched(solver: Solver, case: Case, record: Record) -> SolverOutput:
-    return solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=SECONDS), record=record)
+def _watched(solver: Solver, problem: Problem, record: Record) -> SolverOutput:
+    return solver.run(problem, Budget(tolerance=TOLERANCE, seconds=SECONDS), record=record)
 
 
 def _same_point(one: Any, other: Any, what: str) -> None:
