@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import planted
-import planted_conic
 import planted_contact
 import pytest
 
@@ -56,28 +55,6 @@ def test_primal_dual_kkt_and_lcp_of_a_quadratic_program(seed):
         np.testing.assert_allclose(point.z, planted_point.z, atol=1e-7, err_msg=way)
         np.testing.assert_allclose(point.lam, planted_point.lam, atol=1e-6, err_msg=way)
         assert problem.residuals(point).error <= 1e-7, way
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_the_dual_without_equalities_is_the_lcp_of_the_text(seed):
-    """With no equality the dual is the LCP(AQ⁻¹Aᵀ, −(AQ⁻¹p + b)); here written out with a dense inverse."""
-    problem, point = only_inequalities(np.random.default_rng(seed))
-    dual = make("qp-qp-dual").step(problem)
-    lcp = make("avi-lcp-bounds").step(make("qp-avi").step(dual))
-    inverse = np.linalg.inv(problem.Q)
-    np.testing.assert_allclose(lcp.M, problem.A @ inverse @ problem.A.T, atol=1e-10)
-    np.testing.assert_allclose(lcp.q, -(problem.A @ inverse @ problem.p + problem.b), atol=1e-10)
-    assert lcp.residuals(type(lcp).point_type(z=point.lam)).error <= 1e-10
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_strong_duality(seed):
-    """The optimal values of a strictly convex QP and of (9) add up to 0 (the dual is stated as a minimum)."""
-    problem, point = planted.qp(np.random.default_rng(seed), 7, 4, 2)
-    dual = make("qp-qp-dual").step(problem)
-    y = graph.push(dual, point).z
-    half = 0.5 * problem.p @ np.linalg.solve(problem.Q, problem.p)
-    assert problem.objective(point.z) == pytest.approx(-dual.objective(y) - half, abs=1e-9)
 
 
 # --------------------------------------------------------------------------------------------- contact
@@ -153,29 +130,3 @@ def test_de_saxce_frozen_at_the_solution_is_coulomb(seed, edge):
 
 
 # ----------------------------------------------------------------------------------------------- boxes
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_relay_by_bounds_and_by_rows(seed):
-    """n more complementarities (relay-lcp), or 2n multipliers and free z (relay-avi-mlcp): M definite, one answer."""
-    problem, point = planted_conic.relay(np.random.default_rng(seed), 7, "positive definite")
-    for edges in (("relay-lcp",), ("relay-avi", "avi-lcp-bounds"), ("relay-avi", "avi-mlcp", "mlcp-lcp-schur")):
-        z = answered(problem, *edges, by="lemke").z
-        np.testing.assert_allclose(z, point.z, atol=1e-8, err_msg=" > ".join(edges))
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_cone_program_and_its_conditions(seed):
-    """The general form (x, y) and, for x ∈ K itself, the plain one: the planted pair solves both, and comes back."""
-    rng = np.random.default_rng(seed)
-    for problem, point in (
-        planted_conic.coneqp(rng, 9, planted_conic.cone(rng)),
-        planted_conic.plain_coneqp(rng),
-    ):
-        target = make("coneqp-soclcp").step(problem)
-        there = graph.push(target, point)
-        assert target.residuals(there).error <= 1e-12
-        back = graph.lift(target, there)
-        np.testing.assert_allclose(back.x, point.x, atol=1e-12)
-        np.testing.assert_allclose(back.y, point.y, atol=1e-10)

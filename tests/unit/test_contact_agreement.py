@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import planted
 import pytest
 from tiers import some_by_day
 
@@ -81,17 +80,6 @@ def solved_by(problem, node):
     if not errors:
         pytest.skip(f"does not apply: no solver of ours for {' or '.join(REACHED[node])}")
     pytest.fail(f"as {node} solved by none: {', '.join(f'{name} {error:.0e}' for name, error in errors.items())}")
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("node", REACHED)
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_planted_contacts(node, d, seed, record_property):
-    problem, _ = planted.fc(np.random.default_rng(seed), 5, d, "positive definite")
-    assert problem.residuals(solvers.get("nsgs").run(problem, BUDGET).point).error <= SOLVED
-    name, error = solved_by(problem, node)
-    record_property("solved by", f"{name}, error {error:.1e}")
 
 
 @pytest.mark.needs("cpbench_solvers")

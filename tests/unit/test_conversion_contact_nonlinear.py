@@ -15,7 +15,6 @@ from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.expressions import Map
-from cpbench.foundation import cones
 from cpbench.solvers import Budget, solvers
 from cpbench.verification import judge
 
@@ -60,17 +59,6 @@ def test_derivatives_are_those_of_differences_and_finite_at_rest(rng, name):
     still = type(problem)(**{**problem.data(), "W": 0 * problem.W, "q": 0 * problem.q}, dimension=problem.dimension)
     F = make(name).step(still).F
     assert np.isfinite(F.jacobian(z).data).all()
-
-
-@pytest.mark.parametrize("name", ["fc-cp", "fc-vi"])
-def test_the_map_is_de_saxces(rng, name):
-    problem, point = planted.fc(rng, 4, 3, "any")
-    target = make(name).step(problem)
-    trace = target.provenance[-1].trace
-    x = rng.standard_normal(point.r.size)
-    u = (problem.W @ (trace["unit"] * x) + problem.q).reshape(-1, 3)
-    expected = trace["unit"] / trace["size"] ** 2 * cones.de_saxce(u, problem.mu).ravel()
-    np.testing.assert_allclose(target.F(x), expected, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["fc-cp", "fc-vi"])
@@ -188,9 +176,6 @@ def test_micp_start_is_near_a_solution(rng, form):
     assert problem.residuals(start).error < 1e-2, "projections come near where the problem is this easy"
     nothing = FrictionContact(W=np.zeros((3, 3)), q=[1.0, 0.5, 0.0], mu=[0.5])
     assert not edge.step(nothing).start[:3].any()
-
-
-# -------------------------------------------------------------------------------------- real files
 
 
 # ------------------------------------------------------------------------------- nonlinear dynamics

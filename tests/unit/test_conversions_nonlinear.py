@@ -6,7 +6,6 @@ import itertools
 
 import numpy as np
 import planted
-import planted_conic
 import planted_nonlinear
 import pytest
 from planted_nonlinear import graph as formula
@@ -162,21 +161,6 @@ def test_a_complementarity_problem_is_one_over_the_orthant():
             chain(MiCP(F=problem.F, lb=lb, ub=ub), "micp-vi", "vi-cp")
 
 
-@pytest.mark.parametrize(
-    ("make_one", "path"),
-    [
-        (lambda rng: planted.lcp(rng, 6, "any"), ("lcp-ncp", "ncp-lcp")),
-        (lambda rng: planted_conic.avi(rng, 6, 3, 1), ("avi-vi", "vi-avi")),
-        (lambda rng: planted_conic.soclcp(rng), ("soclcp-cp", "cp-soclcp")),
-    ],
-    ids=["lcp", "avi", "soclcp"],
-)
-def test_affine_problems_come_back_bit_for_bit(make_one, path):
-    for seed in range(3):
-        problem, _ = make_one(np.random.default_rng(seed))
-        assert chain(problem, *path).fingerprint == problem.fingerprint
-
-
 def test_games_become_the_conditions_of_all_players():
     """qvi → micp: moving bounds and rows of the duopoly have multipliers, which the lift may leave or needs."""
     games = {i.name: i for i in generators.get("qvi-games").instances()}
@@ -224,15 +208,6 @@ def test_an_equation_is_zero_where_the_law_holds_and_nowhere_else(how, lb, ub):
         value = at(how, z, w, lb, ub)
         assert (abs(value) <= 1e-15) == (abs(natural) <= 1e-15), (z, w, value)
         assert value * natural >= 0.0, (z, w)
-
-
-def test_the_minimum_gives_the_natural_map():
-    rng = np.random.default_rng(7)
-    for _ in range(5):
-        problem, _ = planted_nonlinear.micp(rng, 12, "any")
-        target = chain(problem, "micp-equation-min")
-        z = 3.0 * rng.standard_normal(12)
-        np.testing.assert_allclose(target.F(z), z - problem.project(z - problem.F(z)), atol=1e-12)
 
 
 def test_fischer_burmeister_keeps_its_digits_and_has_a_derivative_everywhere():

@@ -59,21 +59,6 @@ def test_delassus_operator_is_the_dense_one_and_symmetric(rng, monkeypatch, d, s
     close(elimination.product(sp.csr_array(H.T), Factorization(A), H), reference)
 
 
-@pytest.mark.nightly
-def test_a_large_delassus_operator_is_canonical_and_scipys_product(rng):
-    A, place = bodies(rng, [6] * 250)
-    H = contacts(rng, [6] * 250, place, 800, 3)
-    assert H.nnz > delassus.FEW
-    W = elimination.congruence(H, Factorization(A))
-    assert isinstance(W, sp.csr_array)
-    again = sp.csr_array((W.data, W.indices, W.indptr), shape=W.shape)
-    assert again.has_canonical_format
-    assert W.data.all()
-    dense = A.toarray()
-    close(W, H.toarray().T @ np.linalg.solve(dense, H.toarray()))
-    np.testing.assert_array_equal(W.toarray(), W.toarray().T)
-
-
 @pytest.mark.parametrize("few", [0, 10**9], ids=["blocks", "entries"])
 def test_rows_and_columns_of_different_kinds(rng, monkeypatch, few):
     """Nonsymmetric blocks, badly scaled; D in groups of 3, C in none; empty rows, columns and bodies."""

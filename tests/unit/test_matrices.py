@@ -21,7 +21,7 @@ from scipy.sparse import csgraph
 from cpbench import storage
 from cpbench.conversions.base import make
 from cpbench.errors import ProblemError
-from cpbench.foundation import cones, matrices
+from cpbench.foundation import matrices
 from cpbench.foundation.factorization import Factorization, has_full_structural_rank, sparse_lu
 from cpbench.foundation.matrices import all_pivots_positive, factor_on_diagonal, sparse
 
@@ -184,24 +184,6 @@ def test_digests_see_content_only() -> None:
     assert matrices.digest(M) != matrices.digest(M.T)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_cone_projections_are_the_nearest_points(rng: np.random.Generator, d: int) -> None:
-    """Against a fine sample of each cone: nothing in it is nearer; and Moreau's decomposition holds."""
-    x = rng.standard_normal((200, d)) * 3
-    mu = np.where(rng.random(200) < 0.2, 0.0, rng.uniform(0, 2, 200))
-    p = cones.project_friction_cone(x, mu)
-    assert (cones.tangential_norm(p) <= mu * p[:, 0] + 1e-12).all()
-    normal = np.linspace(0, 8, 60)
-    for k in range(0, 200, 10):
-        directions = rng.standard_normal((40, d - 1))
-        directions /= np.linalg.norm(directions, axis=1)[:, None]
-        share = np.linspace(0, 1, 8)
-        grid = np.array([[n, *(s * mu[k] * n * e)] for n in normal for s in share for e in directions[:10]])
-        assert np.linalg.norm(grid - x[k], axis=1).min() >= np.linalg.norm(p[k] - x[k]) - 1e-12
-    polar = x - p
-    assert np.abs(np.einsum("ij,ij->i", p, polar)).max() < 1e-10
-
-
 @pytest.mark.parametrize("small", [False, True])
 def test_an_lu_of_symmetric_structure_is_an_lu(rng: np.random.Generator, small: bool) -> None:
     """On a grid whose values are not symmetric: less fill than by columns, and small diagonals are passed over."""
@@ -329,20 +311,6 @@ def test_agrees_with_scipy(seed, n, density):
     rng = np.random.default_rng(seed)
     A = sp.csr_array(sp.random_array((n, n), density=density, rng=rng) + sp.diags_array((rng.random(n) < 0.8) * 1.0))
     assert has_full_structural_rank(A) == (n == 0 or csgraph.structural_rank(A) == n)
-
-
-def test_an_alternating_path_is_found_where_greed_fails():
-    """Two even cycles joined: every greedy choice is a tie, and wrong ones leave rows over."""
-    for seed in range(50):
-        rng = np.random.default_rng(seed)
-        n = 24
-        A = np.zeros((n, n))
-        A[np.arange(n), rng.permutation(n)] = 1.0
-        A[rng.integers(0, n, 20), rng.integers(0, n, 20)] = 1.0
-        assert has_full_structural_rank(sp.csr_array(A))
-        A[:3, :] = 0.0
-        A[:3, :2] = 1.0  # three rows for two columns
-        assert not has_full_structural_rank(sp.csr_array(A))
 
 
 @pytest.mark.parametrize(("name", "full"), [("QBEACONF", False), ("CONT-101", True), ("CVXQP1_M", True)])

@@ -127,46 +127,6 @@ def test_local_mixed_and_global_are_one_problem(rng: np.random.Generator) -> Non
         assert ours["natural"] == pytest.approx(expected, rel=1e-6)
 
 
-UNIT_FREE = [
-    ("fcm", "impulse-unit", ("energy", "opening", "constraint", "drift")),
-    ("fcm", "velocity-unit", ("energy", "opening", "constraint", "drift")),
-    ("fcm", "constraint-unit", ("energy", "opening", "constraint", "drift")),
-    ("rfc", "impulse-unit", ("energy", "opening")),
-    ("rfc", "velocity-unit", ("energy", "opening")),
-    ("rfc", "length-unit", ("energy", "opening")),
-    ("afc", "impulse-unit", ("energy", "opening")),
-    ("afc", "velocity-unit", ("energy", "opening")),
-    ("relay", "z-unit", ("unit_free",)),
-    ("relay", "w-unit", ("unit_free",)),
-    ("avi", "z-unit", ("unit_free", "complementarity", "equality")),
-    ("avi", "force-unit", ("unit_free", "complementarity", "equality")),
-    ("avi", "row-unit", ("unit_free", "complementarity", "equality")),
-    ("soclcp", "x-unit", ("unit_free",)),
-    ("soclcp", "w-unit", ("unit_free",)),
-    ("coneqp", "objective-unit", ("unit_free", "stationarity")),
-    ("coneqp", "x-unit", ("unit_free",)),
-    ("coneqp", "s-unit", ("unit_free", "stationarity")),
-    ("gfc", "joint-velocity-unit", ("energy", "opening", "dynamics", "imbalance", "constraint", "drift")),
-    ("gfc", "joint-mass-unit", ("energy", "opening", "dynamics", "imbalance", "constraint", "drift")),
-    ("grfc", "joint-velocity-unit", ("energy", "opening", "dynamics", "imbalance", "constraint", "drift")),
-]
-
-
-@pytest.mark.parametrize(("node", "unit", "names"), UNIT_FREE)
-def test_a_change_of_units_changes_no_error(node: str, unit: str, names: tuple[str, ...]) -> None:
-    """The same wrong answer, every number of it 30 % too large, in units of 1e-8 (1e-6) and of 1e8."""
-    found: dict[str, list[dict[str, float]]] = {}
-    for case in cases(node):
-        if case.name.startswith(unit):
-            wrong = type(case.point)(**{k: 1.3 * v for k, v in case.point.arrays().items()})
-            kind = case.name.removeprefix(unit).lstrip("-")[5:]  # the dimension, where there is one
-            found.setdefault(kind, []).append(dict(case.problem.residuals(wrong).measured))
-    for small, large in found.values():
-        assert max(small.values()) > 1e-4
-        for name in names:
-            assert small[name] == pytest.approx(large[name], rel=1e-5, abs=1e-12), name
-
-
 def _rod(w: float = 0.0) -> GlobalFrictionContact:
     """One block held sideways by a joint, on the ground."""
     H, G = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[1.0], [0.0]])
