@@ -29,7 +29,7 @@ ALLOWED: dict[str, set[str]] = {
     "registry": {"errors"},
     "foundation": set(),
     **FOUNDATION,
-    "formulations.expressions": {"errors", "foundation.matrices", "foundation.kernel_cache"},
+    "formulations.expressions": {"errors", "foundation.extensions", "foundation.matrices", "foundation.kernel_cache"},
     "formulations.ncp_functions": {"foundation.matrices", "formulations.expressions"},
     "formulations": BASE,
     "formulations.exchange": BASE | {"formulations"},
