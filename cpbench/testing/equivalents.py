@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Problem, formulations
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Map
@@ -70,7 +70,7 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 def renumbered(case: Case, seed: int) -> Case | None:
     """Return the same problem with unknowns, rows and contacts in another order; None for a node that is not one of
     cpbench: the order of its dimensions may have a meaning."""
-    if not type(case.problem).__module__.startswith("cpbench.formulations."):
+    if not formulations.get(case.problem.node).__module__.startswith("cpbench.formulations."):
         return None
     symbols = _symbols(case.problem)
     rng = np.random.default_rng(seed)
