@@ -171,7 +171,11 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 class IpoptLCP(IpoptComplementarity):
     """The method for the LCP."""
 
-    spec: ClassVar[SolverSpec] = _spec("casadi-ipopt", "lcp")
+    spec: ClassVar[SolverSpec] = _spec(
+        "casadi-ipopt",
+        "lcp",
+        known_failures={"check_claims_hold_in_other_units": "Solve_Succeeded for units of 1e-8 to 1e8 at error 2.1e-2"},
+    )
 
 
 @register

@@ -15,7 +15,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.stopping import Stopping, no_looser
 from cpbench_adapters.casadi_ipopt import CITATION, INSTALL, IPOPT, LEAST, LICENCE, too_large
 from cpbench_adapters.casadi_ipopt import CLAIMS as IPOPT_CLAIMS
-from cpbench_adapters.nlp_answers import answer, concluded, small_program
+from cpbench_adapters.nlp_answers import ABSOLUTE, answer, concluded, small_program
 
 SQP_CLAIMS = {
     "Solve_Succeeded": Claim.SOLVED,
@@ -53,7 +53,8 @@ class CasadiNLP(Solver):
     def stopping(self, tolerance: float, problem: NLP | None = None) -> Stopping:
         settings = dict.fromkeys(self.defaults, max(self.share * tolerance, LEAST))
         test = "its optimality conditions; solved is claimed where the node's error meets our tolerance"
-        return Stopping(test=test, settings=no_looser(settings, self.defaults), defaults=self.defaults)
+        settings = no_looser(settings, self.defaults)
+        return Stopping(test=test, settings=settings, defaults=self.defaults, differs=ABSOLUTE, factor=math.inf)
 
     @abstractmethod
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:

@@ -18,6 +18,8 @@ from cpbench.solvers.base import Budget, Claim, SolverOutput
 
 CLOSE = 100.0
 """An end within this factor of the tolerance is claimed `inaccurate`."""
+ABSOLUTE = "the node's error is absolute where the numbers of a problem are small"
+"""What the test of the node's own error does not see: in small units an answer may pass that is none."""
 DENSE_UNKNOWNS = 2000
 """Most unknowns of a guest with dense matrices."""
 

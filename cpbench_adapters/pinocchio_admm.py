@@ -58,6 +58,7 @@ class PinocchioADMM(Solver):
         licence="BSD-3-Clause",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.DETERMINISTIC}),
         options=PinocchioADMMOptions,
+        known_failures={"check_claims_hold_in_other_units": "claims a fast contact at error 8.6e-6, in any unit"},
     )
 
     def obstacle(self, problem: FrictionContact) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from abc import abstractmethod
@@ -25,6 +26,7 @@ from cpbench.solvers.base import (
 )
 from cpbench.solvers.stopping import Stopping, no_looser
 from cpbench_adapters.nlp_answers import (
+    ABSOLUTE,
     DENSE_UNKNOWNS,
     answer,
     compile_program,
@@ -149,7 +151,8 @@ class ScipySLSQP(ScipyMinimize):
     def stopping(self, tolerance: float, problem: NLP | None = None) -> Stopping:
         defaults = {"ftol": 1e-6}
         settings = no_looser({"ftol": max(tolerance**2, FLAT)}, defaults)
-        return Stopping(test=f"change of f; {CLAIMED}", settings=settings, defaults=defaults)
+        test = f"change of f; {CLAIMED}"
+        return Stopping(test=test, settings=settings, defaults=defaults, differs=ABSOLUTE, factor=math.inf)
 
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]
@@ -191,7 +194,8 @@ class ScipyTrustConstr(ScipyMinimize):
 
     def stopping(self, tolerance: float, problem: NLP | None = None) -> Stopping:
         test = "stopped at the first iterate whose node's error meets our tolerance"
-        return Stopping(test=test, settings=STUCK, defaults=dict.fromkeys(STUCK, 1e-8))
+        defaults = dict.fromkeys(STUCK, 1e-8)
+        return Stopping(test=test, settings=STUCK, defaults=defaults, differs=ABSOLUTE, factor=math.inf)
 
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]

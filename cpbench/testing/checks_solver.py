@@ -315,16 +315,16 @@ def check_tolerances_are_no_looser(solver: Solver, cases: list[Case]) -> None:
 
 
 def check_claims_hold_in_other_units(solver: Solver, cases: list[Case], units: Sequence[float] = UNITS) -> None:
-    """Check that an answer that is claimed to be solved misses the tolerance, as the judge measures it, by no more than
-    the adapter declares."""
+    """Check that an answer to any case that is claimed to be solved misses the tolerance, as the judge measures it, by
+    no more than the adapter declares."""
     only_for(solver.stopping(TOLERANCE) is not None, "adapters, whose packages have tests of their own")
     only_for(solver.spec.kind is not Kind.RELAXATION, "solvers of the whole law")
     taken = list(in_units(solver, cases, units))
-    only_for(bool(taken), "solvers that take a planted case in every unit")
+    only_for(bool(taken), "solvers that take a planted case in other units")
     for case in taken:
         try:
-            output = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=SECONDS))
-        except (Ended, ProgramError):  # a process that ends has claimed nothing
+            output = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=PATIENCE))
+        except Exception:  # no claim: the runner gives it its own row
             continue
         if output.claim is Claim.SOLVED:
             most = SLACK * TOLERANCE * _stopping(solver, TOLERANCE, case.problem).factor
@@ -333,16 +333,13 @@ def check_claims_hold_in_other_units(solver: Solver, cases: list[Case], units: S
 
 
 def in_units(solver: Solver, cases: list[Case], units: Sequence[float]) -> Iterator[Case]:
-    """Yield the first case that a solver takes and does not excuse, and that 0 does not solve, in other units."""
+    """Yield the cases that a solver does not excuse, and that 0 does not solve, in the units in which it takes them."""
     for case in cases:
         zero = judge(case.problem, case.problem.zero_point(), TOLERANCE).within
         if zero or f"case-{case.name}" in solver.spec.known_failures:
             continue
-        scaled = [in_unit(case, unit) for unit in units]
-        taken = [one for one in scaled if one is not None and solver.obstacle(one.problem) is None]
-        if len(taken) == len(units):
-            yield from taken
-            return
+        scaled = (in_unit(case, unit) for unit in units)
+        yield from (one for one in scaled if one is not None and solver.obstacle(one.problem) is None)
 
 
 def _stopping(solver: Solver, tolerance: float, problem: Any) -> Stopping:

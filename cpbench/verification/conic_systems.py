@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, transpose
 from cpbench.verification.linear import orientation
-from cpbench.verification.rows import EPS, ROUNDINGS, ROWS, Frame, System, Terms, block_norms, kept
+from cpbench.verification.rows import EPS, ROUNDINGS, ROWS, Frame, System, block_norms, block_sizes, kept, term_sizes
 from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
 from cpbench.verification.systems import BOUNDS
 from cpbench.verification.vanishing import caps
@@ -48,7 +48,7 @@ def soclcp(P: Any, point: Any) -> System:
         own = Sets.of((P.q.size, lb, ub), cones=cones)
         constants = _norms(P.q, block)
         program = np.full(constants.size, matrices.is_symmetric(P.M))
-        return Frame(Terms.of_blocks(P.M, block, block), constants, own, P.q, block, ~program, program)
+        return Frame(term_sizes(block_sizes(P.M, block)), constants, own, P.q, block, ~program, program)
 
     return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
@@ -64,7 +64,7 @@ def coneqp(P: Any, point: Any) -> System:
         block = np.concatenate([np.arange(n), n + P.K.blocks])
         last = int(block[-1]) + 1 if block.size else 0
         return Frame(
-            terms=Terms.of_blocks(sp.block_array([[P.Q, transpose(P.A)], [P.A, None]]), block, block),
+            terms=term_sizes(block_sizes(sp.block_array([[P.Q, transpose(P.A)], [P.A, None]]), block)),
             constants=_norms(np.concatenate([P.p, P.b]), block),
             sets=Sets.of((n, -np.inf, np.inf), (m, lb, ub), cones=cones),
             signed=np.concatenate([P.p, P.b]),
@@ -119,15 +119,13 @@ def qvi(P: Any, point: Any) -> System:
     """Return (z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
     z = point.z
     own, block = _simple(P, *P.set_at(z), z.size)
-    moving = [_terms(bound, z) for bound in (P.lower, P.upper) if bound.rows]
     rows = []
     if P.g.rows:
         g = P.row_values(z)
         whole = sp.csr_array(P.g.jacobian(np.concatenate([z, z])))
         constant = g - whole @ np.concatenate([z, z])
         rows.append(RowGroup(sp.csr_array(whole[:, : z.size]), g, constant, point.nu, curved=True))
-    found = np.max(moving, axis=0) if moving else None
-    return _with_rows(P, z, P.F(z), P.F.jacobian(z), own, block, rows, moving=found, fixed=False)
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), own, block, rows, fixed=False)
 
 
 @ROWS.of("nlp")
@@ -176,12 +174,10 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 
 def _with_rows(
     P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, rows: Sequence[RowGroup] = (), *,
-    nu: Vector | None = None, moving: Vector | None = None, prices: Vector | None = None, fixed: bool = True,
-    by: Any = None,
+    nu: Vector | None = None, prices: Vector | None = None, fixed: bool = True, by: Any = None,
 ) -> System:  # fmt: skip
-    """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of
-    the terms of bounds that depend on z, `prices` the constants of F where they are known, `fixed` tells whether the
-    sets stay where they are."""
+    """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `prices` are the constants
+    of F where they are known, `fixed` tells whether the sets stay where they are."""
     slope = sp.csr_array(slope)
     first = int(block[-1]) + 1 if len(block) else 0
     columns = zip(*((row.multipliers, row.value, row.constant) for row in rows), strict=True) if rows else [()] * 3
@@ -206,9 +202,9 @@ def _with_rows(
         elif straight and first == n:
             program[:] = matrices.is_symmetric(slope)
         bare = not straight and P.node in ("ncp", "micp", "equation")
-        found = caps(P.F, z, force, slope) if bare else None
+        found, sizes = caps(P.F, z, force, slope) if bare else None, block_sizes(matrix, whole)
         return Frame(
-            terms=Terms.of_blocks(matrix, whole, whole, keep_zeros=found is not None),  # caps are of these entries
+            terms=sizes if found is not None else term_sizes(sizes),  # caps are of all entries
             constants=np.concatenate([_norms(constant, block), beside]),
             sets=Sets.of((n, *own[:2]), *((row.value.size, row.lower, np.inf) for row in rows), cones=own[2]),
             signed=np.concatenate([constant, constants]),
@@ -219,7 +215,6 @@ def _with_rows(
             by=None if by is None else sp.block_array([[by[0], by[1].T], [by[1], None]]) if m else by[0],
             linear=straight or prices is not None,
             caps=found,
-            moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),
         )
 
     made = kept(P, frame) if straight else frame()
@@ -259,13 +254,6 @@ def _simple(P: Any, K: Any, lb: Any, ub: Any, n: int) -> tuple[Own, Any]:
     if hasattr(P, "in_free_factor"):
         lower, upper = np.where(P.in_free_factor, lb, lower), np.where(P.in_free_factor, ub, upper)
     return (lower, upper, cones), K.blocks
-
-
-def _terms(F: Any, z: Vector) -> Vector:
-    """Return sums of the sizes of the terms of F, linearized; 0 where they are no numbers."""
-    slope = sp.csr_array(F.jacobian(z))
-    terms = abs(slope) @ np.abs(z) + np.abs(F(z) - slope @ z)
-    return np.where(np.isfinite(terms), terms, 0.0)
 
 
 def _norms(x: Vector, block: Any) -> Vector:

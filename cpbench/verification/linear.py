@@ -59,7 +59,7 @@ def linear_error(system: System, problem: Groups | None = None) -> AnswerError:
     """
     layout = system.frame.layout if problem is None else Layout.of_problems(system.frame, problem)
     problem, of = problem or Groups.one(system.frame.k), layout.of
-    sums = system.frame.terms.sums(system.sizes)
+    sums = system.frame.terms @ system.sizes
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return AnswerError(np.full(problem.count, np.inf), np.zeros(problem.count))
     sizes = sizes_of(system, layout, sums)

@@ -34,58 +34,6 @@ ILL_POSED = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
-    """Sizes of the blocks of a Jacobian, rows and unknowns by block, as CSR."""
-
-    rows: Any
-
-    @classmethod
-    def of(cls, matrix: Any) -> Terms:
-        """Make them of a matrix; zeros that are stored are no terms, and join no parts."""
-        sizes = abs(sp.csr_array(matrix))
-        sizes.eliminate_zeros()
-        return cls(sizes)
-
-    @classmethod
-    def of_blocks(cls, matrix: Any, row_block: Any, column_block: Any, *, keep_zeros: bool = False) -> Terms:
-        """Frobenius norms of the blocks of a matrix; the numbers of blocks rise from 0.
-
-        keep_zeros : every stored entry stays, for what is known of each by its place.
-        """
-        entries: Any = sp.coo_array(matrix)
-        shape = (int(row_block[-1]) + 1 if len(row_block) else 0, int(column_block[-1]) + 1 if len(column_block) else 0)
-        squares = sp.coo_array((entries.data**2, (row_block[entries.row], column_block[entries.col])), shape=shape)
-        sizes: Any = sp.csr_array(squares).sqrt()
-        return cls(sizes) if keep_zeros else cls.of(sizes)
-
-    def sums(self, sizes: Vector) -> Vector:
-        """Return Σ_c terms_dc sizes_c of every row."""
-        return self.rows @ sizes
-
-    def effects(self, weights: Vector) -> Vector:
-        """Return max_d terms_dc weights_d of every unknown; 0 for one that is in no row."""
-        return self.largest(self.rows.data * self.by_entry(weights))
-
-    def by_entry(self, values: Vector) -> Vector:
-        """Return the values of rows, for each of their entries."""
-        return np.repeat(values, self.lengths)
-
-    def largest(self, entries: Vector) -> Vector:
-        """Return the largest of the nonnegative values that the entries of each unknown have; 0 without any."""
-        return largest_of(self.rows.indices, entries, self.rows.shape[1])
-
-    @cached_property
-    def lengths(self) -> Any:
-        """Number of terms of each row."""
-        return np.diff(self.rows.indptr)
-
-    @cached_property
-    def alone(self) -> Flags:
-        """Return whether an unknown is in no row."""
-        return self.effects(np.ones(self.rows.shape[0])) == 0
-
-
-@dataclass(frozen=True, eq=False)
 class Groups:
     """Blocks in groups, with operations over each group; results have the shape (count,).
 
@@ -184,8 +132,8 @@ class Frame:
     Attributes
     ----------
     block : (N,) the block of each unknown and of the row paired with it, rising from 0; None where each is its own.
-    terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row. signed : (N,) the same with
-        signs, component by component; None where only the sizes are known.
+    terms : sizes of the blocks of ∂f/∂x as CSR. constants : (k,) sizes of what else is in a row. signed : (N,) the same
+        with signs, component by component; None where only the sizes are known.
     sets : what the unknowns are in.
     multiplier : (k,) whether an unknown is a multiplier. program : (k,) whether the rows of its part are the conditions
         of a program.
@@ -194,10 +142,9 @@ class Frame:
     rows : the rows of a quadratic program, with their signs.
     by : sizes of entries by which units are found, where the terms of one answer do not tell them.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
-    moving : (k,) sizes of the terms of bounds that depend on the answer; small ones may be differences of large ones.
     """
 
-    terms: Terms
+    terms: Any
     constants: Vector
     sets: Sets
     signed: Vector | None = None
@@ -209,7 +156,6 @@ class Frame:
     linear: bool = True
     by: Any = None
     caps: Caps | None = None
-    moving: Vector | None = None
 
     @property
     def k(self) -> int:
@@ -219,7 +165,7 @@ class Frame:
     @cached_property
     def units(self) -> tuple[Vector, Vector]:
         """D and C, (k,): rows are compared times D, unknowns over C."""
-        return equilibrate_apart(self.terms.rows if self.by is None else self.by)
+        return equilibrate_apart(self.terms if self.by is None else self.by)
 
     @cached_property
     def alike(self) -> AlikeRows | None:
@@ -280,13 +226,13 @@ class Layout:
         other, of = problem.any(~flags), problem
         if other.any():
             flags, number = ~problem.spread(other) & np.ones(frame.k, bool), problem.spread(np.arange(problem.count))
-            part = connected_components(frame.terms.rows, directed=False)[1]
+            part = connected_components(frame.terms, directed=False)[1]
             label = np.unique(np.where(flags, number, problem.count + part), return_inverse=True)[1]
             of = Groups(label, int(label.max()) + 1, frame.k) if label.any() else Groups.one(frame.k)
         z, (D, C) = ~(frame.multiplier & flags), frame.units
         both = np.sqrt(D) * np.sqrt(C)
         D, C = np.where(flags, both, D), np.where(flags, both, C)
-        curved = of.any(z & (frame.terms.sums(z.astype(np.float64)) > 0))
+        curved = of.any(z & (frame.terms @ z.astype(np.float64) > 0))
         return cls(of, z, D, C, of.any(flags), curved, of.any(~z))
 
 
@@ -344,6 +290,21 @@ def kept(problem: Problem, make: Callable[[], Any]) -> Any:
     if problem not in _FRAMES:
         _FRAMES[problem] = make()
     return _FRAMES[problem]
+
+
+def term_sizes(matrix: Any) -> Any:
+    """Return the sizes of the entries of a matrix as CSR; zeros that are stored are no terms, and join no parts."""
+    sizes = abs(sp.csr_array(matrix))
+    sizes.eliminate_zeros()
+    return sizes
+
+
+def block_sizes(matrix: Any, block: Any) -> Any:
+    """Return the Frobenius norms of the blocks of a square matrix as CSR, those of stored zeros, too; the numbers of
+    blocks rise from 0."""
+    entries, k = sp.coo_array(matrix), int(block[-1]) + 1 if len(block) else 0
+    rows, columns = entries.coords
+    return sp.csr_array(sp.coo_array((entries.data**2, (block[rows], block[columns])), shape=(k, k))).sqrt()
 
 
 def largest_of(group: Any, values: Vector, count: int) -> Vector:

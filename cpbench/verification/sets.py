@@ -66,18 +66,9 @@ class Sets:
         lower, upper = self.bounded
         return np.maximum(np.where(lower, np.abs(self.lb), 0.0), np.where(upper, np.abs(self.ub), 0.0))
 
-    @cached_property
-    def own_unit(self) -> Vector:
-        """1 over the size of the set where that is finite, 0 elsewhere."""
-        units = inverse(np.maximum(np.abs(self.lb), np.abs(self.ub)))
-        return self._with_cones(units, lambda cone: cone.own_unit())
-
     def nearest(self, x: Vector) -> Vector:
         """Return P(x)."""
-        x = np.minimum(np.maximum(x, self.lb), self.ub)
-        for cone in self.cones:
-            x = cone.nearest(x)
-        return x
+        return self._with_cones(np.minimum(np.maximum(x, self.lb), self.ub), lambda cone: cone.nearest(x))
 
     def missed(self, x: Vector) -> Vector:
         """Return the size of the side that a component is beyond, 0 of those within."""
@@ -154,12 +145,8 @@ class ConeFactors:
     def moored(self) -> bool:
         return self.round and not self.rows
 
-    def nearest(self, x: Vector) -> Vector:
-        if self.rows:
-            return x
-        result = x.copy()
-        result[self.at] = project(self.kind, x[self.at], self.mu, self.mu_r)
-        return result
+    def nearest(self, x: Vector) -> Dense:
+        return x[self.at] if self.rows else project(self.kind, x[self.at], self.mu, self.mu_r)
 
     def anchored(self, x: Vector) -> Flags:
         if not self.moored:
@@ -177,7 +164,7 @@ class ConeFactors:
         outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
-        return np.maximum(np.maximum(outside, negative), 0.0 if self.rows else self._lacking(other))[:, None]
+        return np.maximum(outside, negative)[:, None]
 
     def products(self, x: Vector, f: Vector) -> Vector:
         own, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
@@ -186,9 +173,6 @@ class ConeFactors:
         if self.round:  # the least of ⟨y, f⟩ over the set is below 0
             result[:, 0] += self.mu * row_norms(self._round_part(other))
         return result
-
-    def own_unit(self) -> Vector:
-        return inverse(np.where(self.kind is Cone.BALL, self.mu, 0.0))[:, None]
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         own, other, unit = self._in_units(x, f, x_unit, f_unit)
@@ -202,21 +186,6 @@ class ConeFactors:
         both = (x[self.at] * x_unit[self.at], x_unit), (f[self.at] * f_unit[self.at], f_unit)
         (own, unit), (other, _) = reversed(both) if self.rows else both
         return own, other, unit[self.at[:, 0]]
-
-    def _lacking(self, y: Dense) -> Vector | float:
-        """Return what first components lack of being in the dual cones: of contacts, how fast they close.
-
-        A large coefficient makes the distance to the cone as many times less, and hides that.
-        """
-        steep = np.isfinite(self.mu) & (self.mu > 1.0)
-        if self.kind not in (Cone.SECOND_ORDER, Cone.ROLLING) or not steep.any():
-            return 0.0
-        found = np.zeros(len(y))
-        y, mu = y[steep], self.mu[steep]
-        k = y.shape[1] if self.kind is Cone.SECOND_ORDER else 1 + (y.shape[1] - 1) // 2
-        needed = mu * row_norms(y[:, 1:k]) + self.mu_r[steep] * row_norms(y[:, k:])
-        found[steep] = needed - y[:, 0]
-        return found
 
 
 def of_product(K: ProductCone, *, rows: bool = False, first: int = 0) -> tuple[Vector, Vector, list[ConeFactors]]:

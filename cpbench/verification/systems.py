@@ -12,7 +12,7 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, transpose
 from cpbench.registry import NodeTable
 from cpbench.verification.linear import orientation
-from cpbench.verification.rows import ROWS, STACKED, Frame, System, Terms, kept
+from cpbench.verification.rows import ROWS, STACKED, Frame, System, kept, term_sizes
 from cpbench.verification.sets import INFINITE, Sets
 
 BOUNDS: NodeTable[Callable[[Any], tuple[Any, Any]]] = NodeTable("bounds beside F")
@@ -31,7 +31,7 @@ def relay(P: Any, point: Any) -> System:
 
     def frame() -> Frame:
         own = Sets.of((P.q.size, *BOUNDS[P.node](P)))
-        return Frame(Terms.of(P.M), np.abs(P.q), own, P.q, None, *orientation(P.M))
+        return Frame(term_sizes(P.M), np.abs(P.q), own, P.q, None, *orientation(P.M))
 
     return System(kept(P, frame), point.z, P.M @ point.z + P.q)
 
@@ -45,7 +45,7 @@ def mlcp(problem: Any, point: Any) -> System:
         own = Sets.of((u.size, -np.inf, np.inf), (v.size, 0.0, np.inf))
         constants = np.concatenate([P.a, P.b])
         J = matrices.block([[P.A, P.C], [P.D, P.B]])
-        return Frame(Terms.of(J), np.abs(constants), own, constants, None, *orientation(J))
+        return Frame(term_sizes(J), np.abs(constants), own, constants, None, *orientation(J))
 
     f = np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
     return System(kept(P, frame), np.concatenate([u, v]), f)
@@ -78,7 +78,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
         if P.node != "qp":
             multiplier, program = orientation(J)
         return Frame(
-            terms=Terms.of(J),
+            terms=term_sizes(J),
             constants=np.abs(np.concatenate([q, b, P.d])),
             sets=Sets.of((n, P.lb, P.ub), (m, 0.0, np.inf), (k, -np.inf, np.inf)),
             signed=np.concatenate([q, -b, -P.d]),

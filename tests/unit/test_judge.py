@@ -10,14 +10,12 @@ import mpmath
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from lecture.numerics.examples.maps import mapped
 
 from cpbench.conversions.base import make
 from cpbench.formulations import (
     AVI,
     LCP,
     QP,
-    QVI,
     AVIPoint,
     FCPoint,
     FrictionContact,
@@ -30,7 +28,6 @@ from cpbench.formulations import (
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.nonlinear import NCP, Equation, EquationPoint, NCPPoint
 from cpbench.formulations.programs import NLPPoint
-from cpbench.formulations.variational import QVIPoint
 from cpbench.generators import generators
 from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge
@@ -271,18 +268,6 @@ def test_rows_of_degree_2_have_no_constants(step: float, solved: bool) -> None:
     assert verdict.solved == solved
     assert verdict.flags == ("absolute",)
     assert verdict.error == pytest.approx(np.abs(problem.F(step * np.array([1.0, -0.1, 0.5, 0.5]))).max())
-
-
-@pytest.mark.parametrize(("off", "solved"), [(1e-8, True), (1e-2, False)])
-def test_a_moving_bound_has_the_size_of_its_terms(off: float, solved: bool) -> None:
-    """y₁ ≥ 1000z₂ − 999.999 beside z₁ + 1, and z₂ = 1: rounding of z₂ is a hundredth of the bound 0.001, and no more
-    than rounding of its terms."""
-    problem = QVI(
-        F=mapped(2, lambda a, b: [a + 1.0, b - 1.0]),
-        lower=mapped(2, lambda a, b: [1000.0 * b - 999.999, 0.0 * b - 5.0]),
-    )
-    point = QVIPoint(z=np.array([0.001, 1.0 + off]))
-    assert judge(problem, point, 1e-6).solved == solved
 
 
 def test_an_idle_side_or_price_gives_the_size_where_nothing_else_does() -> None:

@@ -152,14 +152,6 @@ def test_free_velocities_that_are_rounding_of_others_set_no_size(coupling: float
     assert verdict.solved == solved, (verdict.error, verdict.flags)
 
 
-@pytest.mark.parametrize(("z1", "solved"), [(1e-8, True), (1.5e-8, False), (0.0, False)])
-def test_an_unknown_beyond_a_finite_set_is_wrong_where_no_nonlinear_row_depends_on_it(z1: float, solved: bool) -> None:
-    """0 ≤ z₁ ≤ 10⁻⁸ beside exp(z₂) − 3 = −1, which holds it at its upper bound."""
-    F = graph(2, lambda z: np.array([np.exp(z[1]) - 3.0, np.exp(z[1]) - 2.0], dtype=object))
-    problem = MiCP(F=F, lb=[0.0, -np.inf], ub=[1e-8, np.inf], start=np.zeros(2))
-    assert judge(problem, MiCPPoint(z=np.array([z1, np.log(2.0)])), 1e-6).solved == solved
-
-
 @pytest.mark.parametrize("unit", [1.0, 1e-8, 1e8])
 def test_an_unknown_at_a_bound_sizes_a_nonlinear_row_without_a_constant(unit: float) -> None:
     """z₁ ≥ 1 beside z₁² + z₂² and z₂ ≥ 0 beside z₂² − z₁²: z = (1, 1), in any unit of the rows.
