@@ -127,19 +127,6 @@ def test_parts_are_found_by_entries_that_are_not_0() -> None:
         assert [list(part) for part in connected_parts(problem)] == [[0, 2], [1]]
 
 
-def test_history_and_counters_are_those_of_all_parts() -> None:
-    problem = glued(np.random.default_rng(5), 6)
-    seen: list[tuple[int, float, Any]] = []
-    output = solvers.get("nsgs").run(
-        problem, Budget(tolerance=1e-6), record=lambda done, error, point: seen.append((done, error, point()))
-    )
-    counts, errors = [done for done, _, _ in seen], [error for _, error, _ in seen]
-    assert counts == sorted(counts)
-    assert counts[-1] <= output.counters["iterations"]
-    assert errors[-1] <= 1e-6 < errors[0]
-    np.testing.assert_array_equal(seen[-1][2].r, output.point.r)
-
-
 def test_a_part_that_fails_is_named() -> None:
     problem = glued(np.random.default_rng(6), 5)
     output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-12, iterations=2))

@@ -9,7 +9,7 @@ from claims import assert_claim
 from tiers import some_by_day
 
 import cpbench
-from cpbench.formulations import LCP, MLCP, LCPPoint, Problem
+from cpbench.formulations import LCP, LCPPoint, Problem
 from cpbench.proofs import certified_infeasible
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing.cases import cases
@@ -25,18 +25,6 @@ def order(name: str, problem: Problem) -> list[str]:
     choice = solvers.get(name)
     assert isinstance(choice, AutomaticChoice)
     return [phase.solver for phase in choice.phases(problem)]
-
-
-@pytest.mark.parametrize("name", CHOICES)
-def test_a_choice_asks_members_of_its_own_node(name: str) -> None:
-    choice = solvers.get(name)
-    assert isinstance(choice, AutomaticChoice)
-    assert {solvers.get(member).spec.node for member in choice.members} == {choice.spec.node}
-    for case in cases(choice.spec.node):
-        asked = order(name, case.problem)
-        assert asked
-        assert set(asked) <= set(choice.members)
-        assert asked == order(name, case.problem)
 
 
 @pytest.mark.parametrize("name", some_by_day(CHOICES, 6))
@@ -105,33 +93,6 @@ def test_a_start_that_is_a_solution_is_the_answer() -> None:
     assert found.point is start
     assert found.counters == {"iterations": 0, "solvers": 0}
     assert seen == [0]
-
-
-def test_without_time_nothing_is_asked() -> None:
-    one = np.eye(2)
-    problem = MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0, 2.0]), b=np.array([-1.0, -1.0]))
-    found = solvers.get("auto-mlcp").run(problem, Budget(seconds=-1.0))
-    assert found.claim is Claim.FAILED
-    assert found.counters["solvers"] == 0
-    assert found.message == "no solver was asked within the limits"
-
-
-def test_iterations_rise_from_solver_to_solver() -> None:
-    """The second one's numbers go on where the first one's ended, and the last iterate is the answer."""
-    seen: list[tuple[int, LCPPoint]] = []
-    found = solvers.get("auto-lcp").run(RAY, record=lambda k, _, point: seen.append((k, point())))
-    numbers = [k for k, _ in seen]
-    assert numbers == sorted(set(numbers))
-    assert numbers[0] == 0
-    assert found.point is not None
-    assert np.array_equal(seen[-1][1].z, found.point.z)
-
-
-def test_few_iterations_are_shared() -> None:
-    found = solvers.get("auto-lcp").run(RAY, Budget(iterations=5))
-    assert found.claim is not Claim.SOLVED
-    assert found.counters["solvers"] == 2
-    assert found.counters["iterations"] <= 6
 
 
 def test_a_subnormal_entry_ends_in_no_error() -> None:

@@ -85,18 +85,6 @@ def test_claims_hold_for_problems_side_by_side(name: str) -> None:
                 assert judge(P, output.point, tolerance).error <= tolerance
 
 
-def test_a_start_and_a_record_go_through_all_parts() -> None:
-    rng = np.random.default_rng(2)
-    P = side_by_side([avi(rng, KINDS[0])[0] for _ in range(4)], rng)
-    first = solvers.get("auto-avi").run(P, Budget(tolerance=1e-8))
-    seen: list[float] = []
-    again = solvers.get("auto-avi").run(P, Budget(), None, first.point, lambda k, error, point: seen.append(error))
-    assert again.claim is Claim.SOLVED
-    assert again.counters["iterations"] == 0
-    assert len(seen) == 2
-    assert seen[-1] <= 1e-6
-
-
 def test_a_part_without_a_solution_is_named() -> None:
     """z = -1 has no point beside z ≥ 0; the other part is z₂ = 1."""
     P = AVI(M=np.eye(2), q=np.array([0.0, -1.0]), C=np.array([[1.0, 0.0]]), d=np.array([-1.0]), lb=np.zeros(2))

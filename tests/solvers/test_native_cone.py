@@ -53,29 +53,6 @@ def test_steps_end_at_the_boundary(rng: np.random.Generator) -> None:
     assert CONES.longest(s, -s) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("name", some_by_day(PROGRAMS, 3))
-@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
-@pytest.mark.parametrize("sparse", [False, True])
-def test_programs_over_every_kind_of_factor(name: str, kind: str, sparse: bool) -> None:
-    for seed in range(3):
-        problem, _ = planted_conic.coneqp(np.random.default_rng(seed), 12, None, kind, sparse=sparse)
-        output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
-        assert output.claim is Claim.SOLVED, f"{seed}: {output.message}"
-        # methods of first order end by norms, which the gap may exceed by half
-        assert judge(problem, output.point, 1.5e-8).solved
-
-
-@pytest.mark.parametrize("name", some_by_day(COMPLEMENTARITY, 2))
-@pytest.mark.parametrize("kind", ["positive definite", "monotone"])
-@pytest.mark.parametrize("sparse", [False, True])
-def test_complementarity_with_maps_that_are_not_symmetric(name: str, kind: str, sparse: bool) -> None:
-    for seed in range(5):
-        problem, _ = planted_conic.soclcp(np.random.default_rng(seed), None, kind, sparse=sparse)
-        output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
-        assert output.claim is Claim.SOLVED, f"{seed}: {output.message}"
-        assert judge(problem, output.point, 1e-8).solved
-
-
 def test_the_nearest_point_of_a_cone() -> None:
     """min ½‖x‖² − cᵀx over K is P_K(c), unique; with A and b, over a moved cone too."""
     rng = np.random.default_rng(5)

@@ -35,11 +35,6 @@ def prepared(y: np.ndarray, w: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
-def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Jordan's."""
-    return np.column_stack([np.einsum("ci,ci->c", a, b), a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:]])
-
-
 def depth(x: np.ndarray) -> float:
     """How far the row that is least so lies inside its cone."""
     return float((x[:, 0] - np.linalg.norm(x[:, 1:], axis=1)).min())
@@ -56,52 +51,6 @@ def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) ->
     J = np.diag(np.r_[1.0, -np.ones(d - 1)])
     factor = (theta @ J @ theta)[:, 0, 0]
     np.testing.assert_allclose(theta @ J @ theta, factor[:, None, None] * J, atol=1e-7 * factor.max())
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_de_saxces_term_is_in_the_residual_and_with_its_slope_in_the_blocks(rng: np.random.Generator, d: int) -> None:
-    y, w, q, Wy = inside(rng, 20, d), inside(rng, 20, d), rng.standard_normal((20, d)), rng.standard_normal(20 * d)
-    scaling, slope, residual = np.empty((20, 2 * d + 1)), np.empty((20, d)), np.empty(20 * d)
-    blocks, epsilon = np.empty((20, d, d)), 0.3
-    KERNEL.prepare(y, w, q, Wy, epsilon, scaling, slope, residual, blocks)
-    phi = np.sqrt((w[:, 1:] ** 2).sum(1) + epsilon**2)
-    expected = Wy.reshape(20, d) + q - w
-    expected[:, 0] += phi
-    np.testing.assert_allclose(residual.reshape(20, d), expected, rtol=1e-12, atol=1e-13)
-    gradient = np.column_stack([np.zeros(20), w[:, 1:] / phi[:, None]])
-    reduced = np.eye(d) - np.einsum("i,cj->cij", np.eye(d)[0], gradient)
-    np.testing.assert_allclose(blocks, reduced @ prepared(y, w)["blocks"], rtol=1e-9, atol=1e-11)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_the_corrector_is_mehrotras(rng: np.random.Generator, d: int) -> None:
-    """λ∘(Θ^½dy + Θ^-½dw) = σγe − λ∘λ − (Θ^½dy′)∘(Θ^-½dw′) with the predictor (dy′, dw′), roots by eigenvectors."""
-    y, w, predicted = inside(rng, 20, d), inside(rng, 20, d), rng.standard_normal((20, d))
-    found = prepared(y, w)
-    scaling, theta = found["scaling"], found["blocks"]
-    slope, residual = np.zeros((20, d)), np.zeros(20 * d)
-    c, right = np.empty((20, d)), np.empty(20 * d)
-    KERNEL.predict(w, slope, residual, c, right)
-    np.testing.assert_allclose(right.reshape(20, d), -w)
-    gap = float((y * w).sum()) / 20
-    KERNEL.correct(y, w, scaling, slope, residual, predicted.ravel(), gap, c, right)
-    dw = -w - np.einsum("cij,cj->ci", theta, predicted)
-    lengths = np.linspace(0, 1, 200_001)  # by trial: the last one with all rows inside
-    low, high = 0, len(lengths)
-    while high - low > 1:
-        t = lengths[middle := (low + high) // 2]
-        inner = depth(y + t * predicted) >= 0 and depth(w + t * dw) >= 0
-        low, high = (middle, high) if inner else (low, middle)
-    ahead = float(((y + lengths[low] * predicted) * (w + lengths[low] * dw)).sum()) / 20
-    sigma = min(max(ahead / gap, 0.0), 1.0) ** 3
-    values, vectors = np.linalg.eigh(theta)
-    root = vectors * np.sqrt(values)[:, None, :] @ vectors.swapaxes(1, 2)
-    inverse = np.linalg.inv(root)
-    apply = lambda P, x: np.einsum("cij,cj->ci", P, x)  # noqa: E731
-    lam = apply(root, y)
-    wanted = -product(lam, lam) - product(apply(root, predicted), apply(inverse, dw))
-    wanted[:, 0] += sigma * gap
-    np.testing.assert_allclose(product(lam, apply(inverse, c)), wanted, rtol=1e-4, atol=1e-4 * abs(wanted).max())
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import planted
 import pytest
-from claims import assert_claim
-from tiers import some_by_day
 
-from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
@@ -21,8 +16,6 @@ from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, Proxi
 from cpbench_solvers.contact.sweeps import scaled_contacts
 
 FIXED_POINTS = ("tresca-fixed-point", "aclm-fixed-point")
-PROJECTIONS = ("de-saxce-fixed-point", "extragradient-fc")
-ALL = (*FIXED_POINTS, *PROJECTIONS, "apgd-fc", "proximal-newton")
 SETS = ("CONE", "CYLINDER")
 
 
@@ -135,14 +128,6 @@ def test_proximal_points_stop_at_their_limits(rng: np.random.Generator) -> None:
     assert steps.newton_steps == before
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_near_the_answer_a_start_saves_iterations(rng: np.random.Generator, name: str) -> None:
-    problem, answer = planted.fc(rng, 12, 3, "positive definite")
-    near = FCPoint(answer.r * (1 + 1e-7 * rng.standard_normal(answer.r.size)))
-    warm = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=near)
-    assert warm.counters["iterations"] <= solvers.get(name).run(problem, Budget(tolerance=1e-8)).counters["iterations"]
-
-
 @pytest.mark.parametrize("name", FIXED_POINTS)
 def test_gauss_seidel_does_for_nesterov(rng: np.random.Generator, name: str) -> None:
     """Where W is not symmetric it is taken by itself."""
@@ -153,25 +138,3 @@ def test_gauss_seidel_does_for_nesterov(rng: np.random.Generator, name: str) -> 
     skew = rng.standard_normal(problem.W.shape) * 0.05
     tilted = FrictionContact(W=problem.W + skew - skew.T, q=problem.q, mu=problem.mu, dimension=3)
     assert solver.run(tilted, Budget(tolerance=1e-8)).claim is Claim.SOLVED
-
-
-@pytest.mark.parametrize(
-    ("name", "file", "tolerance"),
-    some_by_day(
-        [
-            ("tresca-fixed-point", "Confeti-ex13-4contact-Fc3D-SBM.dat", 1e-8),  # plain steps circle at 1e-2
-            ("aclm-fixed-point", "fclib_local_problem_test.hdf5", 1e-8),  # rough convex solves stay at 2e-1
-            ("de-saxce-fixed-point", "RockPile_tob1.dat", 1e-3),
-            ("apgd-fc", "Capsules-i125-1213.hdf5", 1e-8),
-            ("apgd-fc", "RockPile_tob1.dat", 1e-2),
-            ("proximal-newton", "RockPile_tob1.dat", 1e-8),  # ω = 1: more than four times the steps
-            ("proximal-newton", "mj_boxes300_mu04-nc935.hdf5", 1e-8),
-        ],
-        3,
-    ),
-)
-def test_real_files(shared_data: Path, name: str, file: str, tolerance: float) -> None:
-    problem = storage.load(shared_data / "fc3d_local" / file)
-    output = solvers.get(name).run(problem, Budget(tolerance=tolerance, seconds=60.0))
-    assert output.claim is Claim.SOLVED, output.message
-    assert_claim(problem, output.point, tolerance)

@@ -2,47 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import planted
 import pytest
 import scipy.sparse as sp
-from claims import assert_claim
 
-from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.foundation import cones, kernel_cache
-from cpbench.solvers import Budget, Claim, SolverOutput, solvers
+from cpbench.solvers import Budget, Claim, solvers
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions
-from cpbench_solvers.contact.sweeps import Sweeps, block_rows, scaled_contacts
+from cpbench_solvers.contact.sweeps import scaled_contacts
 
 NEWTON = ("newton-alart-curnier", "newton-natural-map")
 FUNCTIONS = list(ContactFunction)
-
-
-def answer(output: SolverOutput) -> FCPoint:
-    assert output.point is not None, output.message
-    return output.point
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_an_iteration_of_admm_is_that_of_plain_numpy(rng: np.random.Generator, dimension: int) -> None:
-    kernel = kernel_cache.load("cpbench_solvers.kernels.contact_splitting")
-    nc, alpha, rho = 40, 1.6, 0.3
-    x, z, xi = rng.standard_normal((3, nc * dimension))
-    mu = np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0, 1, nc))
-    mixed = alpha * x + (1 - alpha) * z
-    expected = cones.project_friction_cone((mixed + xi).reshape(nc, dimension), mu).ravel()
-    dual = xi + mixed - expected
-    sizes = [np.sum((x - expected) ** 2), np.sum((z - expected) ** 2), np.sum(x**2), np.sum(dual**2)]
-    shift, measured = np.zeros(nc), np.zeros(4)
-    kernel.advance(x, mu, rho, alpha, dimension, z, xi, shift, measured)
-    np.testing.assert_allclose(z, expected, atol=1e-14)
-    np.testing.assert_allclose(xi, dual, atol=1e-14)
-    np.testing.assert_allclose(shift, mu * rho * cones.tangential_norm(dual.reshape(nc, dimension)), atol=1e-14)
-    np.testing.assert_allclose(measured, sizes, rtol=1e-12)
 
 
 def banded(rng: np.random.Generator, nc: int, dimension: int, *, sparse: bool) -> FrictionContact:
@@ -144,40 +117,3 @@ def test_newton_alone_ends_with_a_word(rng: np.random.Generator) -> None:
         assert near.claim is Claim.SOLVED
         assert near.counters["newton_steps"] <= 10
         assert near.message.startswith("regularized by τ = ")
-
-
-def test_what_has_no_solution_ends_soon() -> None:
-    """W_NN = 0 and q_N < 0: no reaction opens the contact."""
-    problem = FrictionContact(W=np.diag([0.0, 1.0, 1.0]), q=np.array([-1.0, 0.5, 0.0]), mu=np.array([0.5]))
-    for name in NEWTON:
-        output = solvers.get(name).run(problem, Budget(seconds=120.0))
-        assert output.claim is Claim.FAILED
-        assert "stalled" in output.message or "diverged" in output.message
-
-
-def test_sweeps_in_pieces_are_those_of_one_run(rng: np.random.Generator) -> None:
-    problem, _ = planted.fc(rng, 12, 3, "positive definite")
-    r, sweeps = np.zeros(problem.q.size), Sweeps(block_rows(problem))
-    for count in (3, 4):
-        error = sweeps.sweep(r, count, 1e-300)
-    whole = solvers.get("nsgs").run(problem, Budget(tolerance=1e-300, iterations=7))
-    np.testing.assert_allclose(r, answer(whole).r, rtol=1e-12, atol=1e-14)
-    assert error == pytest.approx(problem.residuals(FCPoint(r)).error, rel=1e-9)
-    assert sweeps.done == 7
-
-
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [
-        ("newton-alart-curnier", "Confeti-ex03-Fc3D-SBM.dat"),
-        ("newton-alart-curnier", "Capsules-i125-1213.hdf5"),
-        ("newton-natural-map", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
-        ("admm-fc", "BoxesStack1-i100000-32.hdf5.dat"),
-        ("auto-fc", "BoxesStack1-i100000-32.hdf5.dat"),
-    ],
-)
-def test_real_files(shared_data: Path, name: str, file: str) -> None:
-    problem = storage.load(shared_data / "fc3d_local" / file)
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-6, seconds=120.0))
-    assert output.claim is Claim.SOLVED, output.message
-    assert_claim(problem, output.point, 1e-6)

@@ -57,26 +57,6 @@ def test_the_linear_system_is_that_of_the_condensed_problem(rng: np.random.Gener
         np.testing.assert_allclose(dynamics.resolvent(right), expected, rtol=1e-7, atol=1e-7)
 
 
-@pytest.mark.parametrize("sparse", [False, True])
-@pytest.mark.parametrize("node", SOLVERS)
-def test_planted_problems_are_solved(node: str, sparse: bool) -> None:
-    for seed in range(2):
-        problem, _ = problem_of(node, seed, sparse=sparse)
-        output = solvers.get(SOLVERS[node]).run(problem, Budget(tolerance=1e-7))
-        assert output.claim is Claim.SOLVED, output.message
-        assert judge(problem, output.point, 1e-7).solved
-
-
-@pytest.mark.parametrize("node", SOLVERS)
-def test_a_start_near_the_answer_saves_iterations(rng: np.random.Generator, node: str) -> None:
-    problem, answer = problem_of(node, 0, sparse=False)
-    solver = solvers.get(SOLVERS[node])
-    near = answer.r + 1e-6 * rng.standard_normal(answer.r.size)
-    start = GFCPoint(v=answer.v, r=near, lam=answer.lam) if node != "rfc" else type(answer)(r=near)
-    warm = solver.run(problem, Budget(tolerance=1e-8), start=start).counters["iterations"]
-    assert warm < solver.run(problem, Budget(tolerance=1e-8)).counters["iterations"]
-
-
 def test_joints_given_twice_are_no_obstacle() -> None:
     """K is singular, λ not unique: the velocities and the constraints are right all the same."""
     problem, _ = problem_of("gfc", 1, sparse=False)

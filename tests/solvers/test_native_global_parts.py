@@ -95,20 +95,3 @@ def test_a_body_that_falls_through_its_support_is_wrong_by_all_of_its_velocity()
     assert DynamicsError(problem, 1e-8)(fallen) == pytest.approx(1.0)
     output = solvers.get("nsgs-gfc").run(problem, Budget(tolerance=1e-8))
     assert output.claim is Claim.SOLVED, output.message
-
-
-def test_a_record_ends_in_the_answer() -> None:
-    rng = np.random.default_rng(5)
-    problem = side_by_side([planted("gfc", rng, 0) for _ in range(3)], rng)
-    seen: list[Any] = []
-    budget = Budget(tolerance=1e-6)
-    output = solvers.get("nsgs-gfc").run(problem, budget, record=lambda k, error, point: seen.append((error, point())))
-    assert output.claim is Claim.SOLVED
-    assert isinstance(output.point, GFCPoint)
-    error, point = seen[-1]
-    assert error <= 1e-6
-    np.testing.assert_array_equal(point.v, output.point.v)
-    np.testing.assert_array_equal(point.r, output.point.r)
-    again = solvers.get("nsgs-gfc").run(problem, budget, start=output.point)
-    assert again.claim is Claim.SOLVED
-    assert again.counters["iterations"] == 0

@@ -14,10 +14,9 @@ from cpbench.formulations import LCP, LCPPoint
 from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
-from cpbench_problems.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
+from cpbench_problems.generators.lcp_classics import fathi, murty
 
 ALL = ("lemke", "bpp", "newton-min", "pgs", "psor")
-DIRECT = ("lemke", "bpp", "newton-min")
 
 
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
@@ -29,15 +28,6 @@ def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
         problem = LCP(M=M, q=q)
         error = problem.residuals(LCPPoint(z=z)).error
         assert kernel.judged(q, z, M @ z + q, problem.z_unit) == pytest.approx(error, rel=1e-9)
-
-
-@pytest.mark.parametrize("solver", DIRECT)
-@pytest.mark.parametrize("n", [10, 60, 150])
-def test_direct_solvers_reach_ten_digits(solver: str, n: int) -> None:
-    rng = np.random.default_rng(n)
-    problem, _ = planted.lcp(rng, n, "positive definite")
-    output = solvers.get(solver).run(problem, Budget(tolerance=1e-10))
-    assert judge(problem, output.point, 1e-10).solved
 
 
 @pytest.mark.parametrize("kind", planted.SQUARE)
@@ -59,26 +49,6 @@ def test_worst_cases_of_murty_and_fathi_take_few_pivots(n: int) -> None:
         output = solvers.get("lemke").run(instance.problem, Budget(tolerance=1e-9))
         assert judge(instance.problem, output.point, 1e-9).solved
         assert output.counters["pivots"] <= 3 * n
-
-
-@pytest.mark.parametrize("solver", ALL)
-@pytest.mark.parametrize("instance", [murty(8), csizmadia(10), munson1(), unbounded_ray()], ids=lambda i: i.name)
-def test_classics_are_solved_or_honestly_not(solver: str, instance) -> None:
-    chosen = solvers.get(solver)
-    if chosen.obstacle(instance.problem) is not None:
-        return
-    output = chosen.run(instance.problem, Budget(tolerance=1e-8))
-    if output.claim is Claim.SOLVED:
-        assert_claim(instance.problem, output.point, 1e-8)
-    elif solver == "lemke":
-        pytest.fail(f"Lemke does not solve {instance.name}: {output.message}")
-
-
-def test_a_ray_without_solution_comes_with_its_proof() -> None:
-    problem = isolated_perturbed().problem
-    output = solvers.get("lemke").run(problem)
-    assert output.claim is Claim.INFEASIBLE
-    assert problem.certifies_infeasibility(output.certificate)
 
 
 def test_large_right_hand_sides_keep_a_pivot_row(shared_data: Path) -> None:
@@ -145,34 +115,6 @@ def test_lemke_never_cycles_on_degenerate_integers(seed: int) -> None:
         q = rng.integers(0, 2, n) * (1 - z) - M @ z
         output = solvers.get("lemke").run(LCP(M=M, q=q), Budget(tolerance=1e-10))
         assert output.claim is Claim.SOLVED, (M, q)
-
-
-@pytest.mark.parametrize("solver", DIRECT)
-def test_badly_scaled_right_hand_sides(solver: str) -> None:
-    """q over sixteen orders of magnitude, and M and q in units of 1e±8."""
-    rng = np.random.default_rng(11)
-    M = planted.square(rng, 20, "positive definite")
-    spread = rng.standard_normal(20) * 10.0 ** rng.uniform(-8, 8, 20)
-    for m, q in ((1.0, spread), (1e8, 1e-8 * spread), (1e-8, 1e8 * spread)):
-        problem = LCP(M=m * M, q=q)
-        output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
-        assert output.claim is Claim.SOLVED, output.message
-        assert judge(problem, output.point, 1e-8).solved
-
-
-@pytest.mark.parametrize("solver", ALL)
-def test_nothing_to_do(solver: str) -> None:
-    for M, q in ((np.zeros((0, 0)), []), (np.eye(2), [0.0, 0.0]), (np.eye(2), [1.0, 0.0])):
-        output = solvers.get(solver).run(LCP(M=M, q=q))
-        assert output.claim is Claim.SOLVED
-        assert not output.point.z.any()
-
-
-def test_a_budget_of_pivots_is_kept() -> None:
-    problem, _ = planted.lcp(np.random.default_rng(0), 200, "positive definite")
-    output = solvers.get("lemke").run(problem, Budget(iterations=40))
-    assert output.claim is Claim.MAX_ITER
-    assert output.counters["pivots"] == 40
 
 
 @pytest.mark.parametrize("name", ["bpp", "interior-point-lcp", "mprgp", "murty", "newton-fb", "newton-min"])

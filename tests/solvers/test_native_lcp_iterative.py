@@ -155,18 +155,6 @@ def test_faces_refuse_what_is_not_semidefinite_and_symmetric() -> None:
 
 
 @pytest.mark.parametrize("projected", FACES)
-def test_bounds_of_every_kind(projected: bool) -> None:
-    for seed in range(20):
-        for sparse in (False, True):
-            problem, _ = planted.qp(np.random.default_rng(seed), 15, 0, 0, sparse=sparse)
-            output = by_faces("mprgp-qp", problem, projected, 1e-9)
-            assert output.claim is Claim.SOLVED, output.message
-            assert judge(problem, output.point, 1e-9).solved
-            again = by_faces("mprgp-qp", problem, projected, 1e-9, output.point)
-            assert again.counters["iterations"] <= 2
-
-
-@pytest.mark.parametrize("projected", FACES)
 def test_an_objective_without_a_least_value_is_proved_so(projected: bool) -> None:
     """z₁ + z₂ is not in Q and falls; with a bound on z₂ it still does, with both it does not."""
     Q, p, free = np.array([[1.0, 1, 0], [1, 1, 0], [0, 0, 2]]), np.array([1.0, -1, 3]), np.full(3, -np.inf)
@@ -193,32 +181,6 @@ def test_published_bound_constrained_programs(shared_data: Path) -> None:
 
 
 NEWTON = ("newton-min", "newton-fb", "newton-pfb")
-
-
-@pytest.mark.parametrize("solver", NEWTON)
-@pytest.mark.parametrize("sparse", [False, True])
-@pytest.mark.parametrize("n", [10, 200])
-def test_newton_solves_definite_problems(solver: str, sparse: bool, n: int) -> None:
-    """n = 200 is past the size up to which a sparse matrix is kept dense."""
-    M = planted.square(np.random.default_rng(n), n, "positive definite") + 0.1 * np.eye(n)
-    M[abs(np.subtract.outer(range(n), range(n))) > 2] = 0.0
-    M += np.diag(abs(M).sum(axis=1))
-    q = np.random.default_rng(n + 1).standard_normal(n)
-    problem = LCP(M=sp.csr_array(M) if sparse else M, q=q)
-    output = solvers.get(solver).run(problem, Budget(tolerance=1e-10))
-    assert output.claim is Claim.SOLVED, output.message
-    assert_claim(problem, output.point, 1e-10)
-    again = solvers.get(solver).run(problem, Budget(tolerance=1e-10), start=output.point)
-    assert again.counters["iterations"] <= 2
-
-
-@pytest.mark.parametrize("solver", NEWTON)
-@pytest.mark.parametrize("kind", ["singular semidefinite", "monotone"])
-def test_newton_solves_monotone_problems(solver: str, kind: str) -> None:
-    for seed in range(10):
-        problem, _ = planted.lcp(np.random.default_rng(seed), 30, kind, sparse=bool(seed % 2))
-        output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
-        assert output.claim is Claim.SOLVED, (seed, output.message)
 
 
 def test_a_singular_jacobian_is_regularized_and_counted() -> None:

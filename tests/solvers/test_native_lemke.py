@@ -37,46 +37,9 @@ def test_a_ray_beyond_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
     assert output.claim is Claim.INFEASIBLE, output.message
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_principal_transform_exchanges_w_and_z(kind: str) -> None:
-    """w' = M'z' + q' says of every z what w = Mz + q says of it, z' and w' having w_B and z_B exchanged."""
-    rng = np.random.default_rng(7)
-    problem, _ = planted.lcp(rng, 9, kind)
-    inside = np.arange(9) % 3 == 1
-    seen = transformed(dense_lcp(problem), inside)
-    assert seen is not None
-    columns = -seen.negated_columns(np.arange(9)).T
-    z = rng.standard_normal(9)
-    w = problem.M @ z + problem.q
-    w_unit, z_unit = np.abs(problem.q).max(), np.abs(seen.lifted(np.ones(9), np.ones(9))).max()
-    others = np.where(inside, w / w_unit, z / z_unit)
-    expected = np.where(inside, z / z_unit, w / w_unit)
-    np.testing.assert_allclose(columns @ others + seen.q, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
-
-
 def test_no_transform_in_a_singular_basis() -> None:
     problem = LCP(M=np.ones((3, 3)), q=-np.ones(3))
     assert transformed(dense_lcp(problem), np.array([True, True, False])) is None
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("n", [12, 60])
-def test_a_start_near_the_answer_saves_pivots(kind: str, n: int) -> None:
-    """One component on the wrong side: what is found is a solution, and after fewer pivots in all."""
-    solver, saved = solvers.get("lemke"), 0
-    for seed in range(5):
-        problem, _ = planted.lcp(np.random.default_rng(seed), n, kind)
-        cold = solver.run(problem, Budget(tolerance=1e-9))
-        assert cold.claim is Claim.SOLVED
-        assert cold.point is not None
-        z = np.array(cold.point.z)
-        z[np.argmax(z)] = 0.0
-        warm = solver.run(problem, Budget(tolerance=1e-9), start=LCPPoint(z=z))
-        assert judge(problem, warm.point, 1e-9).solved
-        saved += cold.counters["pivots"] - warm.counters["pivots"]
-        again = solver.run(problem, Budget(tolerance=1e-9), start=cold.point)
-        assert again.counters["pivots"] == 0
-    assert saved > 0
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -110,23 +73,6 @@ def test_ties_from_a_start() -> None:
     assert asked > 0
 
 
-def test_infeasible_whatever_the_start() -> None:
-    """A transformed problem ends in a ray too; the proof comes from the plain run."""
-    problem = LCP(M=np.array([[0.0, 1.0], [-1.0, 0.0]]), q=np.array([-1.0, -1.0]))
-    output = solvers.get("lemke").run(problem, start=LCPPoint(z=np.array([1.0, 1.0])))
-    assert output.claim is Claim.INFEASIBLE
-    assert problem.certifies_infeasibility(output.certificate)
-
-
-@pytest.mark.parametrize("sweeps", [0, 20])
-def test_nothing_to_do_on_a_large_problem(sweeps: int) -> None:
-    problem = LCP(M=np.eye(260), q=np.ones(260))
-    output = solvers.get("lemke").run(problem, None, lemke_run.LemkeOptions(crash_sweeps=sweeps))
-    assert output.claim is Claim.SOLVED
-    assert output.point is not None
-    assert not output.point.z.any()
-
-
 @pytest.mark.parametrize("n", [8, 300])
 def test_units_far_apart_change_neither_the_answer_nor_the_proof(n: int) -> None:
     """A planted LCP, and one without a solution, with rows and unknowns in units 2^-40 to 2^40."""
@@ -153,19 +99,6 @@ def test_units_far_apart_change_neither_the_answer_nor_the_proof(n: int) -> None
         assert (y >= 0.0).all()
         assert (np.asarray(none.M).T @ y <= 0.0).all()
         assert none.q @ y < 0.0
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_bimatrix_games_are_solved_beyond_the_ray(seed: int) -> None:
-    """Every covering vector ends in a ray after one pivot (Cottle, Pang and Stone 1992, section 4.4)."""
-    rng = np.random.default_rng(seed)
-    m, n = (int(k) for k in rng.integers(1, 40, 2))
-    costs = rng.integers(1, 6, (2, m, n)) if seed % 2 else rng.uniform(1.0, 2.0, (2, m, n))
-    M = np.block([[np.zeros((m, m)), costs[0]], [costs[1].T, np.zeros((n, n))]])
-    problem = LCP(M=M, q=-np.ones(m + n))
-    output = solvers.get("lemke").run(problem, Budget(tolerance=1e-9))
-    assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, 1e-9).solved
 
 
 @pytest.mark.parametrize("seed", range(40))

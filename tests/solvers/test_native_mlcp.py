@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +14,13 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.foundation import matrices
-from cpbench.proofs import certified_infeasible
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import judge
 from cpbench_solvers.lcp import claims as lcp_claims
 from cpbench_solvers.lcp.enumeration import enumerate_bases
 from cpbench_solvers.mlcp.claims import scale
 from cpbench_solvers.mlcp.enumeration import refined_answers
 from cpbench_solvers.mlcp.pivoting import Reduction
-
-DIRECT = ("lemke-mlcp", "newton-min-mlcp", "newton-fb-mlcp")
-ALL = (*DIRECT, "interior-point-mlcp", "pgs-mlcp", "enumeration-mlcp")
 
 
 def from_whole(K: np.ndarray, k: np.ndarray, n: int) -> MLCP:
@@ -107,36 +101,6 @@ def test_only_the_equations_of_the_pairs_have_an_order(rng: np.random.Generator)
     first, second = (solvers.get("lemke-mlcp").run(p, Budget(tolerance=1e-10)) for p in (problem, other))
     assert first.claim is second.claim is Claim.SOLVED
     assert first.counters["pivots"] == second.counters["pivots"]
-
-
-@pytest.mark.parametrize("solver", DIRECT)
-@pytest.mark.parametrize(("n", "m"), [(1, 1), (9, 6), (40, 30), (60, 90)])
-def test_direct_solvers_reach_ten_digits(solver: str, n: int, m: int) -> None:
-    problem, _ = planted.mlcp(np.random.default_rng(n), n, m, "positive definite")
-    output = solvers.get(solver).run(problem, Budget(tolerance=1e-10))
-    assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, 1e-10).solved
-
-
-@pytest.mark.parametrize("solver", ["lemke-mlcp", "newton-min-mlcp"])
-@pytest.mark.parametrize("kind", [*planted.SQUARE[:3], "singular"])
-def test_every_class(solver: str, kind: str) -> None:
-    """Lemke's method where the theory promises it (monotone and feasible); elsewhere solved or honest."""
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        problem, _ = planted.mlcp(rng, int(rng.integers(1, 9)), int(rng.integers(1, 9)), kind)
-        output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
-        assert output.claim is Claim.SOLVED or kind == "singular", (seed, output.message)
-
-
-@pytest.mark.parametrize("solver", ["lemke-mlcp", "newton-min-mlcp", "interior-point-mlcp"])
-@pytest.mark.parametrize("flat", [0, 5])
-def test_optimality_conditions(solver: str, flat: int) -> None:
-    """B = 0, and A singular or not: larger than one compiled call, where what remains has more than 250 pairs too."""
-    for n, m in ((30, 50), (60, 280)):
-        problem = kkt(np.random.default_rng(n), n, m, flat=flat)
-        output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
-        assert output.claim is Claim.SOLVED, output.message
 
 
 @pytest.mark.parametrize("solver", ["lemke-mlcp", "newton-min-mlcp", "newton-fb-mlcp", "pgs-mlcp"])
@@ -223,14 +187,6 @@ def test_gauss_seidel_says_what_it_lacks() -> None:
     assert "order of the equalities" in (solvers.get("pgs-mlcp").obstacle(no_A) or "")
 
 
-@pytest.mark.parametrize("solver", ["lemke-mlcp", "enumeration-mlcp"])
-@pytest.mark.parametrize("case", infeasible("mlcp"), ids=lambda case: case.name)
-def test_infeasibility_is_proved(solver: str, case: Case) -> None:
-    output = solvers.get(solver).run(case.problem, Budget())
-    assert output.claim is Claim.INFEASIBLE
-    assert certified_infeasible(case.problem, output.certificate)
-
-
 def small(A: Any, B: Any, C: Any, D: Any, a: Any, b: Any) -> MLCP:
     """From lists."""
     return MLCP(A=A, B=B, C=C, D=D, a=a, b=b)
@@ -285,19 +241,3 @@ def test_every_file_of_siconos_to_eight_digits(shared_data: Path, solver: str) -
             problem = storage.load(file)
             output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
             assert output.claim is Claim.SOLVED, (file.stem, output.message)
-
-
-@pytest.mark.parametrize("solver", ALL)
-def test_limits_are_kept(solver: str) -> None:
-    """One iteration, or no time: an answer that claims nothing."""
-    problem, _ = planted.mlcp(np.random.default_rng(1), 5, 8, "positive definite")
-    for budget in (Budget(tolerance=1e-14, iterations=1), Budget(tolerance=1e-14, seconds=1e-9)):
-        output = solvers.get(solver).run(problem, budget)
-        if output.claim is Claim.SOLVED:
-            assert judge(problem, output.point, 1e-14).solved
-
-
-def test_kernels_are_loaded_by_the_warm_up() -> None:
-    for name in ALL:
-        solvers.get(name).warmup()
-    assert "cpbench_solvers.kernels.mlcp_splitting" in sys.modules

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import planted
 import pytest
-import scipy.sparse as sp
 
 from cpbench.formulations import LCP
 from cpbench.foundation import kernel_cache
@@ -80,66 +77,12 @@ def test_murtys_own_problem_takes_every_basis(n: int) -> None:
         assert output.counters["iterations"] == pivots
 
 
-@pytest.mark.parametrize("kind", planted.SQUARE)
-def test_murty_on_its_class(kind: str) -> None:
-    """Solved where M is a P-matrix; elsewhere solved or honest."""
-    murtys = solvers.get("murty")
-    for n in (1, 2, 9, 40):
-        for seed in range(5):
-            problem, _ = planted.lcp(np.random.default_rng([seed, n]), n, kind)
-            output = murtys.run(problem, Budget(tolerance=1e-8))
-            assert output.claim is Claim.SOLVED or (kind != planted.SQUARE[0] and output.message), (n, seed)
-            if output.claim is Claim.SOLVED:
-                assert judge(problem, output.point, 1e-8).solved
-    output = murtys.run(csizmadia(10).problem, Budget(tolerance=1e-8))  # the inverse grows as 2ⁿ
-    assert output.claim is Claim.SOLVED, output.message
-
-
 def test_a_row_of_the_tableau_proves_that_there_is_no_solution() -> None:
     """w₁ = −1 whatever z is."""
     problem = LCP(M=np.array([[0.0, 0.0], [0.0, 1.0]]), q=np.array([-1.0, 1.0]))
     output = solvers.get("murty").run(problem)
     assert output.claim is Claim.INFEASIBLE
     assert problem.certifies_infeasibility(output.certificate)
-
-
-def test_budgets_and_storage() -> None:
-    problem, _ = planted.lcp(np.random.default_rng(5), 50, "positive definite")
-    murtys = solvers.get("murty")
-    output = murtys.run(problem, Budget(tolerance=1e-9))
-    stored = murtys.run(LCP(M=sp.csr_array(problem.M), q=problem.q), Budget(tolerance=1e-9))
-    np.testing.assert_array_equal(stored.point.z, output.point.z)
-    few = murtys.run(problem, Budget(iterations=3))
-    assert few.claim is Claim.MAX_ITER
-    assert few.counters["iterations"] == 3
-    assert "negative after 3 pivots" in few.message
-
-
-def reference_solutions(M: np.ndarray, q: np.ndarray) -> list[np.ndarray]:
-    """Every basis by itertools and NumPy; M in general position."""
-    found = []
-    for inside in itertools.product((False, True), repeat=q.size):
-        F = np.flatnonzero(inside[::-1])
-        z = np.zeros(q.size)
-        z[F] = np.linalg.solve(M[np.ix_(F, F)], -q[F])
-        if min(z.min(), (M @ z + q).min()) >= -1e-12:
-            found.append(z)
-    return found
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_enumeration_finds_every_solution(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    M, q = rng.standard_normal((9, 9)), rng.standard_normal(9)
-    problem = LCP(M=M, q=q)
-    expected = reference_solutions(M, q)
-    output = solvers.get("enumeration-lcp").run(problem, Budget(tolerance=1e-9))
-    assert output.counters["solutions"] == len(expected)
-    if expected:
-        np.testing.assert_allclose(output.point.z, expected[0], rtol=1e-8, atol=1e-10)
-    else:
-        assert output.claim is Claim.INFEASIBLE
-        assert ("exhaustion" in output.message) == (output.certificate is None)
 
 
 def test_enumeration_on_problems_with_known_sets_of_solutions() -> None:

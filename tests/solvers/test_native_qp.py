@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +16,10 @@ from cpbench.formulations.programs import QPPoint
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
-from cpbench_solvers.qp import dual_active_set
 from cpbench_solvers.qp.claims import ErrorMeasure, infeasibility, unboundedness
-from cpbench_solvers.qp.dual_active_set import ActiveSet
-from cpbench_solvers.qp.kkt_system import KKT, entries
 from cpbench_solvers.qp.presolve import presolved, sparse_data
 from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
-from cpbench_solvers.qp.scaling import scaled, stacked
+from cpbench_solvers.qp.scaling import scaled
 
 CONVEX = ("proximal-active-set", "interior-point-qp", "augmented-lagrangian")
 ALL = ("dual-active-set", *CONVEX)
@@ -69,12 +65,6 @@ def test_planted_problems_are_solved(name: str, rows: int) -> None:
         solved(name, planted.qp(np.random.default_rng(seed), 15, rows, 3)[0], 1e-6)
 
 
-@pytest.mark.parametrize("name", CONVEX)
-@pytest.mark.parametrize("seed", range(4))
-def test_semidefinite_problems_are_solved(name: str, seed: int) -> None:
-    solved(name, planted.qp(np.random.default_rng(seed), 14, 10, 2, "singular semidefinite")[0], 1e-6)
-
-
 @pytest.mark.parametrize("name", ALL)
 def test_nocedal_and_wright_example_16_4(name: str) -> None:
     output = solved(name, nocedal_wright(), 1e-9)
@@ -89,21 +79,6 @@ def test_the_example_of_goldfarb_and_idnani_in_quadprog(name: str) -> None:
     output = solved(name, QP.build(np.eye(3), [0.0, -5.0, 0.0], A, [-8.0, 2.0, 0.0]), 1e-9)
     np.testing.assert_allclose(output.point.z, [0.4761905, 1.0476190, 2.0952381], atol=1e-6)
     np.testing.assert_allclose(output.point.lam, [0.0, 0.2380952, 2.0952381], atol=1e-6)
-
-
-@pytest.mark.parametrize("name", CONVEX)
-def test_a_linear_program(name: str) -> None:
-    """max x + y, x + 2y ≤ 4, 3x + y ≤ 6, x, y ≥ 0: at (1.6, 1.2)."""
-    A = -np.array([[1.0, 2.0], [3.0, 1.0]])
-    output = solved(name, QP.build(np.zeros((2, 2)), [-1.0, -1.0], A, [-4.0, -6.0], lb=np.zeros(2)))
-    np.testing.assert_allclose(output.point.z, [1.6, 1.2], atol=1e-5)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_bounds_alone(name: str) -> None:
-    rng = np.random.default_rng(3)
-    Q = planted.square(rng, 12, "positive definite")
-    solved(name, QP.build(Q, 5 * rng.standard_normal(12), lb=-np.ones(12), ub=np.ones(12)))
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -164,52 +139,6 @@ def test_a_proof_of_infeasibility_must_hold() -> None:
     assert infeasibility(feasible, np.array([1.0, 1.0]), none) is None
 
 
-@pytest.mark.parametrize("kind", ["rows", "bounds", "equalities", "all"])
-@pytest.mark.parametrize("store", [np.array, sp.csr_array])
-def test_certificates_of_planted_problems_hold_and_wrong_ones_do_not(kind: str, store: Any) -> None:
-    """From λ ≥ 0, μ and ν = −Aᵀλ − Cᵀμ, right-hand sides whose sum with them is 1 for every z: b, d or one bound."""
-    rng = np.random.default_rng([11, len(kind)])
-    n, m, k = 6, 5, 3
-    A, C = rng.standard_normal((m, n)), rng.standard_normal((k, n))
-    lam, mu = rng.uniform(0.5, 2.0, m), rng.standard_normal(k)
-    lb, ub = np.full(n, -np.inf), np.full(n, np.inf)
-    if kind == "rows":
-        mu[:] = 0.0
-        A[-1] = -(lam[:-1] @ A[:-1]) / lam[-1]
-    elif kind == "equalities":
-        lam[:] = 0.0
-        C[-1] = -(mu[:-1] @ C[:-1]) / mu[-1]
-    nu = -(A.T @ lam + C.T @ mu)
-    if kind in ("bounds", "all"):
-        lb, ub = np.where(nu > 0.0, rng.standard_normal(n), lb), np.where(nu < 0.0, rng.standard_normal(n), ub)
-    at = np.where(nu > 0.0, lb, ub)
-    from_bounds = float(at[np.isfinite(at)] @ nu[np.isfinite(at)])
-    b, d = rng.standard_normal(m), rng.standard_normal(k)
-    which, by = (d, mu) if kind == "equalities" else (b, lam)
-    which[0] += (1.0 - b @ lam - d @ mu - from_bounds) / by[0]
-    Q = np.eye(n)
-    problem = QP.build(store(Q), np.zeros(n), store(A), b, store(C), d, lb, ub)
-    proof = np.concatenate([lam, mu])
-    assert problem.certifies_infeasibility(proof)
-    assert problem.certifies_infeasibility(1e6 * proof)
-    assert not problem.certifies_infeasibility(-proof)
-    assert not problem.certifies_infeasibility(np.zeros(m + k))
-    assert not problem.certifies_infeasibility(proof[:-1])
-    assert not problem.certifies_infeasibility(np.append(proof, 0.0))
-    assert not problem.certifies_infeasibility(np.where(np.arange(m + k) == 1, np.nan, proof))
-    # the same rows moved until some z satisfies them all
-    z = np.clip(rng.standard_normal(n), lb, ub)
-    feasible = QP.build(Q, np.zeros(n), A, A @ z - 0.1, C, C @ z, lb, ub)
-    assert not feasible.certifies_infeasibility(proof)
-    # without a bound that the proof uses, or a little beside it where there are no bounds
-    if kind in ("bounds", "all"):
-        free = QP.build(Q, np.zeros(n), A, b, C, d)
-        assert not free.certifies_infeasibility(proof)
-    else:
-        beside = proof * (1.0 + 1e-6 * np.arange(m + k))
-        assert not problem.certifies_infeasibility(beside)
-
-
 def test_a_bound_times_rounding_proves_nothing() -> None:
     """z ≥ −1e20 with ν = 1e-17: the product would be as large as the data, and the rows have a solution."""
     A = np.array([[0.1 + 0.2], [-0.3]])
@@ -222,24 +151,6 @@ def test_a_proof_of_unboundedness_must_hold() -> None:
     assert unboundedness(problem, np.array([0.0, 3.0])) == pytest.approx(-1.0)
     assert unboundedness(problem, np.array([1.0, 3.0])) is None
     assert unboundedness(problem, np.array([0.0, -3.0])) is None
-
-
-@pytest.mark.parametrize("name", ["interior-point-qp", "augmented-lagrangian"])
-def test_sparse_and_dense_agree(name: str) -> None:
-    problem = banded(90, np.random.default_rng(0))
-    full = QP.build(
-        problem.Q.toarray(), problem.p, problem.A.toarray(), problem.b, problem.C.toarray(), problem.d, problem.lb
-    )
-    one, other = solved(name, problem, 1e-8), solved(name, full, 1e-8)
-    np.testing.assert_allclose(one.point.z, other.point.z, atol=1e-4)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_a_limit_is_said(name: str) -> None:
-    problem = planted.qp(np.random.default_rng(2), 25, 20, 2)[0]
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-12, iterations=1))
-    assert output.claim in (Claim.MAX_ITER, Claim.SOLVED)
-    assert output.counters["iterations"] <= 1 or name == "proximal-active-set"
 
 
 def test_a_singular_q_is_refused() -> None:
@@ -279,87 +190,6 @@ def test_the_compiled_equilibration_is_that_of_numpy() -> None:
     np.testing.assert_array_equal(one.E, other.E)
     np.testing.assert_allclose(one.H, other.H.toarray())
     assert 0.1 < np.abs(np.vstack([one.H / one.c, one.G])).max() <= 4.0
-
-
-def test_the_dual_active_set_finds_what_enumeration_finds() -> None:
-    """Every active set of a small problem is tried in NumPy; the compiled method ends in the one that is right."""
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        n, r = 3, 5
-        H, g = planted.square(rng, n, "positive definite"), rng.standard_normal(n)
-        G, lower = rng.standard_normal((r, n)), rng.standard_normal(r)
-        bounds = np.full(n, np.inf)
-        method = ActiveSet(H, G, np.r_[-bounds, lower], np.r_[bounds, np.full(r, np.inf)], 1e-12)
-        method.begin(g, None)
-        outcome = method.climb(1000, np.inf, None)
-        found = enumerated(H, g, G, lower)
-        if found is None:
-            assert outcome == method.stops.INFEASIBLE
-            y = method.multipliers()[n:]
-            np.testing.assert_allclose(G.T @ y, 0.0, atol=1e-8 * abs(y).max())
-            assert lower @ y > 0
-        else:
-            assert outcome == method.stops.SOLVED
-            np.testing.assert_allclose(method.x(), found, atol=1e-9)
-
-
-@pytest.mark.parametrize("warm", [False, True])
-def test_the_dual_active_set_may_stop_after_any_operation(warm: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Looks at the clock come after bounded work, and nothing depends on when they come."""
-    n, r = 30, 60
-    unit = 4 * n * (n + r)
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        H, g = planted.square(rng, n, "positive definite"), 10.0 * rng.standard_normal(n)
-        G, lower = rng.standard_normal((r, n)), np.r_[np.full(n, -0.5), rng.standard_normal(r) - 2.0]
-        upper = np.r_[np.full(n, 0.5), lower[n : n + 3], np.full(r - 3, np.inf)]
-        y = np.where(rng.random(n + r) < 0.5, np.where(np.isfinite(upper), rng.standard_normal(n + r), 1.0), 0.0)
-        answers = []
-        for most in (10**12, 0):
-            monkeypatch.setattr(dual_active_set, "CHUNK", most)
-            method, calls = ActiveSet(H, G, lower, upper, 1e-11), 0
-            method.begin(g, y if warm else None)
-            while (outcome := method._advance(10_000)) == method.stops.LIMIT:
-                assert method._state[method.stops.OPERATIONS] <= most + unit
-                calls += 1
-            assert (calls > 10) == (most == 0)
-            answers.append((outcome, method.passes, method.x(), method.multipliers()))
-        np.testing.assert_equal(answers[0], answers[1])
-        assert answers[0][0] in (method.stops.SOLVED, method.stops.INFEASIBLE)
-
-
-def enumerated(H: np.ndarray, g: np.ndarray, G: np.ndarray, lower: np.ndarray) -> np.ndarray | None:
-    for size in range(len(g) + 1):
-        for active in itertools.combinations(range(len(lower)), size):
-            B = G[list(active)]
-            K = np.block([[H, -B.T], [B, np.zeros((size, size))]])
-            solution = np.linalg.solve(K, np.r_[-g, lower[list(active)]])
-            x, y = solution[: len(g)], solution[len(g) :]
-            if (y >= 0).all() and (G @ x >= lower - 1e-10).all():
-                return x
-    return None
-
-
-@pytest.mark.parametrize("fills", [False, True])
-def test_linear_systems_are_solved_as_by_numpy(fills: bool) -> None:
-    rng = np.random.default_rng(7)
-    n, r = 150, 60
-    H = sp.random_array((n, n), density=0.3 if fills else 0.01, rng=rng)
-    H = sp.csr_array(H @ H.T + sp.eye_array(n))
-    G = sp.csr_array(sp.random_array((r, n), density=0.2 if fills else 0.02, rng=rng))
-    w, theta = 10.0 ** rng.uniform(-6, 6, n), 10.0 ** rng.uniform(-6, 2, r)
-    theta[:5] = 0.0
-    a, b = rng.standard_normal(n), rng.standard_normal(r)
-    K = np.block([[H.toarray() + np.diag(w), G.T.toarray()], [G.toarray(), -np.diag(theta)]])
-    if np.linalg.cond(K) > 1e13:
-        theta[:5] = 1.0
-        K = np.block([[H.toarray() + np.diag(w), G.T.toarray()], [G.toarray(), -np.diag(theta)]])
-    sides = entries(H), entries(G), 1e-9
-    for system in (KKT(*sides), KKT(*sides, theta == 0)):
-        assert (system.system[0][0] < 0) == fills  # dense where it fills
-        assert system.factor(w, theta)
-        left = K @ np.concatenate(system.solve(a, b)) - np.concatenate([a, b])
-        assert abs(left).max() <= 1e-8
 
 
 def test_the_sparse_factor_is_ldl() -> None:
@@ -424,26 +254,6 @@ def test_minimum_degree_is_an_order_with_little_fill() -> None:
             upper.indptr.astype(np.int32), upper.indices.astype(np.int32), parent, count
         )
         assert count.sum() <= most
-
-
-def test_the_error_of_sparse_problems_is_that_of_their_residuals() -> None:
-    rng = np.random.default_rng(11)
-    problem = banded(30, rng)
-    sizes = problem.point_sizes.values()
-    z, lam, mu, nu = (rng.standard_normal(size) for size in sizes)
-    for scale in (0.0, 1.0, 1e6):
-        parts = scale * z, lam, mu, scale * nu
-        expected = problem.residuals(QPPoint(*parts)).error
-        assert ErrorMeasure(problem).error(parts) == pytest.approx(expected, rel=1e-12)
-    parts = np.full_like(z, np.nan), lam, mu, nu
-    assert ErrorMeasure(problem).error(parts) == np.inf
-
-
-def test_rows_of_both_kinds_are_stacked() -> None:
-    problem = planted.qp(np.random.default_rng(0), 4, 3, 2)[0]
-    lower, upper, G = stacked(problem)
-    np.testing.assert_array_equal(G, np.vstack([problem.A, problem.C]))
-    assert (lower[-2:] == upper[-2:]).all()
 
 
 def reducible() -> tuple[QP, Any]:

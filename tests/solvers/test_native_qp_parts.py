@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,8 @@ import scipy.sparse as sp
 from cpbench.formulations import QP, QPPoint
 from cpbench.formulations.conic import ConeQP
 from cpbench.foundation.cones import Cone, ProductCone
-from cpbench.solvers import Budget, Claim, clock, solvers
+from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
-from cpbench_solvers.qp.apart import MOST, parted, solve_apart
 from cpbench_solvers.qp.claims import ErrorMeasure
 
 NAMES = ["auto-qp", "interior-point-qp", "proximal-active-set", "augmented-lagrangian"]
@@ -72,16 +70,6 @@ def test_the_error_of_parts_is_the_verdicts() -> None:
     assert np.mean((np.array(near) > 1 / 1.1) & (np.array(near) < 1.1)) >= 0.95
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_problems_side_by_side_are_claimed_as_the_verdict_has_them(name: str) -> None:
-    """By norms over all, most claims on such problems are false."""
-    for seed in range(4):
-        problem, _ = side_by_side(seed, 4, 6)
-        output = run(name, problem, 1e-6)
-        if output.claim is Claim.SOLVED:
-            assert judge(problem, output.point, 1e-6).error <= 1.1e-6
-
-
 @pytest.mark.parametrize(("count", "largest"), [(2, 4), (30, 12), (3, 130)])
 def test_the_automatic_choice_solves_every_part(count: int, largest: int) -> None:
     """In one compiled call where parts are small; as large ones by themselves."""
@@ -110,37 +98,6 @@ def test_a_part_without_a_solution_is_one_of_the_whole() -> None:
     output = run("auto-qp", whole)
     assert output.claim is Claim.INFEASIBLE
     assert whole.certifies_infeasibility(output.certificate)
-
-
-def test_compilation_takes_no_time_from_the_parts_that_follow() -> None:
-    """The first solve of an installation compiles for longer than most limits are."""
-    rng = np.random.default_rng(17)
-    problem, x = glued([planted(rng, MOST + 1, 1.0, 1.0) for _ in range(2)])
-    parts = parted(problem)
-    assert parts is not None
-    assert parts.count == 2
-    left = []
-
-    def run_part(part: QP, budget: Budget, start: Any) -> Any:
-        left.append(budget.seconds)
-        with clock.off_the_clock():
-            time.sleep(2.0 * limit)
-        return run("interior-point-qp", part)
-
-    limit = 1.0
-    output = solve_apart(parts, Budget(tolerance=1e-6, seconds=limit), None, run_part)
-    assert len(left) == 2
-    assert left[1] > 0.0
-    assert output.claim is Claim.SOLVED
-    np.testing.assert_allclose(output.point.z, x.z, rtol=1e-3)
-
-
-def test_recording_parts_ends_in_the_answer() -> None:
-    problem, _ = side_by_side(7, 30, 12)
-    history: list[tuple[int, Any]] = []
-    output = run("auto-qp", problem, record=lambda i, error, point: history.append((i, point().z)))
-    assert [i for i, _ in history] == sorted({i for i, _ in history})
-    np.testing.assert_array_equal(history[-1][1], output.point.z)
 
 
 def far_apart(ratio: float, seed: int) -> QP:
@@ -201,12 +158,3 @@ def test_a_cone_program_with_flat_faces_is_measured_by_its_objective(name: str) 
         output = run(name, problem, tolerance)
         assert output.claim is Claim.SOLVED
         assert judge(problem, output.point, tolerance).solved
-
-
-def test_a_start_goes_to_large_parts() -> None:
-    """Those of more than a hundred unknowns, which are not solved by the compiled call for small ones."""
-    problem, x = side_by_side(4, 2, 160)
-    assert problem.p.size > 200
-    output = run("auto-qp", problem, 1e-8, start=x)
-    assert output.claim is Claim.SOLVED
-    assert judge(problem, output.point, 1e-8).solved

@@ -66,13 +66,6 @@ def test_kojima_and_shindo_from_the_published_starts(name: str) -> None:
         assert min(np.abs(output.point.z - REGULAR).max(), np.abs(output.point.z - DEGENERATE).max()) <= 1e-5, start
 
 
-def test_both_solutions_are_found() -> None:
-    micp = problem("ncp-classics", "kojima-shindo")
-    found = [run("josephy-newton", micp, start).point.z for start in MCPLIB_STARTS]
-    for solution in (REGULAR, DEGENERATE):
-        assert min(np.abs(z - solution).max() for z in found) <= 1e-9
-
-
 def test_the_degenerate_solution_is_distinguished() -> None:
     """In the numbers of an answer, and in its active set: z₃ = F₃ = 0; the other solution has no such pair."""
     ncp = next(i.problem for i in generators.get("ncp-classics").instances() if i.name == "kojima-shindo")
@@ -106,13 +99,6 @@ def test_the_classics(name: str, collection: str, instance: str) -> None:
     output = run(name, micp, tolerance=1e-10)
     assert output.claim is Claim.SOLVED
     assert micp.residuals(output.point).error <= 1e-10
-
-
-@pytest.mark.parametrize("name", some_by_day([n for n in SOLVERS if n != "smoothing-newton"], 1))
-def test_sparse_problems(name: str) -> None:
-    for instance in ("bratu-20x20-12", "membrane-20x20", "minimal-surface-19x19"):
-        micp = problem("membranes", instance)
-        assert micp.residuals(run(name, micp).point).error <= 1e-10, instance
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -176,17 +162,6 @@ def test_convergence_is_quadratic(name: str) -> None:
 
 
 # ------------------------------------------------------------------------------------------ NCP functions
-
-
-@pytest.mark.parametrize("name", [n for n in FUNCTIONS if n != "smoothed"])
-def test_zeros_are_complementary_pairs(name: str, rng: np.random.Generator) -> None:
-    t = rng.uniform(0.1, 3.0, 50)
-    zero = np.zeros(50)
-    for a, b in ((t, zero), (zero, t), (zero, zero)):
-        assert np.abs(FUNCTIONS[name](a, b)[0]).max() <= 1e-15
-    p, q = rng.uniform(0.1, 3.0, (2, 50))
-    for a, b in ((p, q), (-p, q), (p, -q), (-p, -q)):
-        assert (np.abs(FUNCTIONS[name](a, b)[0]) > 1e-3).all()
 
 
 @pytest.mark.parametrize("name", list(FUNCTIONS))

@@ -56,15 +56,6 @@ def test_newton_goes_on_until_the_parts_are_solved_too(name: str) -> None:
     assert judge(problem, lift(arrival.problem, output.point), 1e-6).solved
 
 
-SIMPLE = ("vi-box", "vi-ball", "vi-second-order", "vi-whole-space", "harker-pang-box-20", "box-12", "balls-5")
-
-
-@pytest.mark.parametrize("name", SIMPLE)
-@pytest.mark.parametrize("solver", PROJECTION)
-def test_projections_solve_monotone_problems_on_simple_sets(solver: str, name: str) -> None:
-    assert _solved(solver, PROBLEMS[name], 1e-10).counters["iterations"] > 0
-
-
 @pytest.mark.parametrize("name", ["generalized-2", "membrane-20x20"])
 @pytest.mark.parametrize("solver", PROJECTION)
 def test_claims_of_projections_hold_in_every_unit(solver: str, name: str) -> None:
@@ -166,19 +157,6 @@ def test_the_newton_matrix_is_the_derivative(node: str, name: str) -> None:
             np.testing.assert_allclose(V, numbers[1e-6], atol=1e-6)
             compared += 1
     assert compared >= 3
-
-
-def test_the_start_is_where_it_begins() -> None:
-    problem, seen = PROBLEMS["vi-box"], []
-    for solver in (*PROJECTION, "newton-vi"):
-        seen.clear()
-        solvers.get(solver).run(problem, Budget(iterations=1), record=lambda k, error, point: seen.append(point()))
-        np.testing.assert_array_equal(seen[0].z, problem.project(problem.start))
-
-
-def test_equations_without_root_are_not_solved() -> None:
-    output = solvers.get("newton-equation").run(Equation(F=graph(1, lambda x: x * x + 1.0)), Budget(iterations=300))
-    assert output.claim is not Claim.SOLVED
 
 
 def test_a_pole_is_not_a_root() -> None:

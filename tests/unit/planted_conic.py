@@ -8,7 +8,6 @@ from planted import square, stored
 
 from cpbench.formulations import AVI, SOCLCP, AVIPoint, ConeQP, ConeQPPoint, LCPPoint, Relay, SOCLCPPoint
 from cpbench.formulations.conic import cone_fields
-from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone, ProductCone
 
 
@@ -102,13 +101,3 @@ def coneqp(
     s, y = pair(rng, K)
     problem = ConeQP.over(stored(Q, sparse), A.T @ y - Q @ x, K, stored(A, sparse), s - A @ x)
     return problem, ConeQPPoint(x=x, y=y)
-
-
-def plain_coneqp(
-    rng: np.random.Generator, K: ProductCone | None = None, kind: str = "positive definite"
-) -> tuple[ConeQP, ConeQPPoint]:
-    """Plant x ∈ K itself: A = I, b = 0."""
-    K = cone(rng) if K is None else K
-    Q = square(rng, K.rows, kind)
-    x, y = pair(rng, K)
-    return ConeQP.over(Q, y - Q @ x, K, matrices.identity(K.rows, Q)), ConeQPPoint(x=x, y=y)
