@@ -6,16 +6,13 @@ import math
 import re
 from dataclasses import fields, is_dataclass
 from html.parser import HTMLParser
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from lecture import formulas, numbers, overview, page, solvable
-from lecture.blocks import Figure, Formula, Section, Table, Text, Try, text
-from lecture.markup import inline, section
-from lecture.mathml import mathml
-from lecture.numerics import examples, friction, newton
+from lecture.blocks import Formula, Section, Table, Text, Try
+from lecture.numerics import examples
 from lecture.numerics.examples import maps, nonlinear
 from lecture.numerics.facet_errors import bounds, faceted_slide
 from lecture.numerics.round_trips import answer, outcome, round_trip
@@ -53,12 +50,6 @@ def test_every_equation_of_the_lecture_stands_on_the_page_once_and_in_order(sect
     for k in numbered:
         assert html.count(f'id="eq-{k}"') == 1
         assert f'href="#eq-{k}" aria-label="equation {k}">{k}<' in html
-
-
-def test_every_conversion_of_the_lecture_is_shown(html):
-    for name in conversions.names():
-        if conversions.get(name).equation:
-            assert f"<code>{name}</code>" in html, name
 
 
 def test_facet_table_shows_the_errors_that_solving_gives(html):
@@ -142,23 +133,6 @@ def test_numbers_are_computed_not_typed(sections):
                     assert not re.search(r"\d\.\d", re.sub(r"\$[^$]*\$", "", cell)), cell
 
 
-def test_numbers_on_the_page_are_those_of_the_library(html):
-    known = examples.problems()
-    for name in ("qp", "avi", "relay", "dumbbell", "sliding", "soclcp", "disk", "duopoly", "ball", "cubic-cone"):
-        for part in answer(known[name]).point.arrays().values():
-            if part.any():
-                assert numbers.vector(part) in html, name
-
-
-def test_figures_have_words_for_those_who_do_not_see_them(sections):
-    shown = [part for one in sections for part in parts(one) if isinstance(part, Figure)]
-    assert len(shown) >= 15
-    for figure in shown:
-        assert re.search(r'<svg(?: class="[a-z ]+")? viewBox="[^"]+" role="img" aria-label="[^"]{10,}"', figure.svg)
-        assert len(figure.caption.template) > 30
-        assert figure.alt
-
-
 @pytest.mark.nightly
 def test_every_conversion_errs_as_it_promises(sections):
     """Exact edges lift to an answer, to rounding; the others say that they err."""
@@ -172,13 +146,6 @@ def test_every_conversion_errs_as_it_promises(sections):
                 if trip.kind is Kind.EQUIVALENT:
                     assert trip.source_error < 1e-10
                     assert trip.pushed_error is None or trip.pushed_error < 1e-10
-
-
-@pytest.mark.parametrize("edge", ["fc-coneqp", "fc-coneqp-tresca"])
-def test_fixed_points_end_at_the_law(edge):
-    path = friction.fixed_point(examples.problems()["sliding"], edge)
-    assert path[0].error > 1e-3
-    assert path[-1].error < 1e-11
 
 
 @pytest.mark.parametrize("example", [nonlinear.kojima_shindo(), nonlinear.hock_schittkowski_14(), nonlinear.hump()])
@@ -236,38 +203,6 @@ def test_both_solutions_of_four_unknowns_are_found_by_each_function():
             problem = maps.converted(maps.four_unknowns(start), "ncp-micp", edge)
             # (38) is singular at the second one: z is known to the root of the error, asked to be 1e-12
             assert np.allclose(outcome(problem, "newton-equation"), solution, atol=1e-5), edge
-
-
-def test_newton_on_the_dynamics_squares_the_error():
-    errors = [step.error for step in friction.newton_steps(examples.problems()["ball"])]
-    assert errors[-1] < 1e-13
-    assert errors[0] > 1e-3
-    for before, after in pairwise(errors[:-1]):
-        assert after < 10 * before**2
-
-
-@pytest.mark.parametrize("function", newton.ncp.functions(), ids=lambda function: function.equation)
-def test_gradients_of_ncp_functions(function, rng):
-    w, z = rng.normal(size=(2, 200))
-    _, by_w, by_z = function.values(w, z)
-    h = 1e-6
-    assert np.allclose(by_w, (function.psi(w + h, z) - function.psi(w - h, z)) / (2 * h), atol=1e-5)
-    assert np.allclose(by_z, (function.psi(w, z + h) - function.psi(w, z - h)) / (2 * h), atol=1e-5)
-
-
-def test_everything_from_outside_is_escaped():
-    shown = inline("a <b> & `<i>` «x»", {"x": "<script>alert(1)</script>"})
-    assert "<script" not in shown
-    assert "<b>" not in shown
-    assert "&lt;script&gt;" in shown
-    whole = section(Section("s", "<u>", text("«x»", x="<u>"), (text("<u>"), Try(("cpbench <u>",)))))
-    assert "<u>" not in whole
-
-
-def test_formulas_keep_their_latex():
-    made = mathml(r"a < b \perp c", block=True)
-    assert made.startswith('<math display="block"><semantics>')
-    assert made.endswith(r'<annotation encoding="application/x-tex">a &lt; b \perp c</annotation></semantics></math>')
 
 
 @pytest.mark.nightly

@@ -15,8 +15,6 @@ from command_line import cpbench as command
 import cpbench
 from cpbench.formulations import LCP, MLCP
 from cpbench.formulations.base import Problem
-from cpbench.solvers.base import Budget
-from cpbench_solvers.lcp.enumeration import enumerate_bases, scale
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificate_text import summary  # noqa: E402
@@ -52,25 +50,6 @@ def test_counts_by_hand(name: str, tmp_path: Path) -> None:
     if not certificate.unique:
         assert certificate.solutions == count
         assert ("a continuum" if math.isinf(count) else f"{count:.0f} solutions") in said
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_counts_are_those_of_the_solver_that_enumerates_in_doubles(seed: int, tmp_path: Path) -> None:
-    """Small whole numbers, so that every fourth problem has a continuum, and random ones, which have none."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 6))
-    draw = rng.standard_normal if seed % 2 else lambda *size: rng.integers(-2, 3, *size).astype(float)
-    problem = LCP(M=draw((n, n)), q=draw((n,)))
-    found, other = all_solutions(problem), enumerate_bases(scale(problem), Budget(tolerance=1e-9))
-    assert found is not None
-    if found.endless is None:
-        assert not other.undecided
-        ours = sorted(tuple(float(v.p) / float(v.q) for v in x) for x, _ in found.points)
-        np.testing.assert_allclose(ours, sorted(map(tuple, other.solutions)), atol=1e-9)
-    else:
-        assert other.faces
-    certificate = cpbench.certify(problem, np.zeros(n))
-    save_and_check(certificate, problem, tmp_path)
 
 
 def test_an_answer_far_from_all_names_the_nearest(tmp_path: Path) -> None:

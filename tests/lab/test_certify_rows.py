@@ -133,11 +133,6 @@ def test_forged_rows_are_caught(name: str, several: Path) -> None:
     assert (code, "NOT PROVED" in told) == (1, True), told
 
 
-def test_proofs_are_merged(several: Path) -> None:
-    assert command(several.parent, "results", "merge", "r.sqlite", "-o", "m.sqlite").returncode == 0
-    assert checked(several.parent / "m.sqlite") == (0, checked(several)[1].replace("r.sqlite", "m.sqlite"))
-
-
 def test_levels_are_counted_by_solver_and_problem() -> None:
     same = {"certificate": "unique: P-matrix"}
     table = normalised(

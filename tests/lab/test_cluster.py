@@ -7,7 +7,6 @@ import json
 import os
 import pickle
 import platform
-import re
 import signal
 import subprocess
 import sys
@@ -202,24 +201,6 @@ def test_interrupted_runs_go_on(loopback: Loopback) -> None:
     rows, answers = _results(loopback.folder / "r.sqlite")
     assert [row["status"] for row in rows.values()] == ["solved"] * 12
     assert answers.keys() == rows.keys()
-
-
-@pytest.mark.nightly
-def test_a_run_whose_client_was_killed_goes_on(loopback: Loopback) -> None:
-    """Killed in the middle of solves: the same command goes on. It says where it runs, and what that took."""
-    _problems(loopback.folder / "p", range(2, 8))
-    loopback.worker()
-    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite", "--cluster", loopback.address]
-    running = subprocess.Popen(loopback.command(*chosen), cwd=loopback.folder, stderr=subprocess.PIPE, text=True)
-    until(lambda: [*loopback.folder.glob("entered-*")])
-    running.kill()
-    running.communicate(timeout=600)
-    (loopback.folder / "open").touch()
-    again = [word for word in loopback.command(*chosen) if word != "-q"]
-    done = subprocess.run(again, cwd=loopback.folder, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    assert "Dask: 1 worker on 1 host (" in done.stderr
-    assert re.search(r"ran on 1 host \(.+ 1\d pairs\): \d\S* CPU hours", done.stderr)
 
 
 @pytest.mark.nightly

@@ -54,21 +54,6 @@ def test_evidence_is_of_the_data() -> None:
     assert found.cause.numbers["rows"] >= 1
 
 
-def test_nothing_is_explained_where_nothing_fails() -> None:
-    found = cp.diagnose(SPIN, "lemke")
-    assert (found.fails, found.cause, found.tried) == (False, None, ())
-    assert "nothing to explain" in "\n".join(found.lines())
-
-
-def test_explain_takes_a_solver_as_well_as_a_formulation() -> None:
-    lines = "\n".join(cp.explain(SPIN, "pgs"))
-    assert "cycling" in lines
-    assert "auto-lcp" in lines
-    assert cp.explain(SPIN, "mlcp")[-1].startswith("lcp-mlcp leads there")
-    with pytest.raises(cp.CpbenchError):
-        cp.explain(SPIN, "no-such-place")
-
-
 def test_a_period_is_found_only_where_iterates_repeat() -> None:
     k = np.arange(12.0)
     turning = np.stack([np.cos(2 * np.pi * k / 3), np.sin(2 * np.pi * k / 3)], axis=1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -230,13 +229,6 @@ def test_formulations_with_certificates_are_those_offered(node: str) -> None:
         pytest.skip(f"no case of {node}")
     reason = cp.certify(problem, problem.zero_point(), seconds=5.0).reason
     assert reason.startswith("no proof is known") == (not provable(node))
-
-
-def test_a_reduction_out_of_time_says_so(tmp_path: Path) -> None:
-    cp.save(replace(SLOW, name="slow"), tmp_path / "slow.h5")
-    asked = ("reduce", "slow.h5", "-s", "pgs[max_iterations=1]", "--while", "max_iter", "-q", "-o")
-    short = command(tmp_path, *asked, "short", "--minutes", "1e-6")
-    assert "not to the end: the time was over" in short.stdout, short.stderr
 
 
 class OutOfIterations(Solver):

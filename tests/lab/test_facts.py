@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from dataclasses import fields
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cpbench import storage
-from cpbench.cli import cli
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, formulations
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Builder
-from cpbench.foundation import matrices
 from cpbench_lab import facts
 from cpbench_lab.facts import How
 from cpbench_lab.facts.fact import Fact, decided, undecided
@@ -55,21 +50,6 @@ def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
     assert found.how is How.EXACT
     transposed = facts.p_matrix(sp.csr_array(M.T), "M", facts.definiteness(M, "M"))
     assert transposed.value == found.value
-
-
-@pytest.mark.nightly
-@settings(max_examples=200, deadline=None)
-@given(small_matrices)
-def test_m_matrices_are_z_matrices_with_a_nonnegative_inverse(M: np.ndarray) -> None:
-    Z = np.where(np.eye(len(M)) > 0, 2 * np.abs(M), -np.abs(M))
-    assert facts.z_matrix(Z, "Z").value is True
-    expected = round(np.linalg.det(Z)) != 0 and bool((np.linalg.inv(Z) >= -1e-9).all())
-    for stored in (Z, sp.csr_array(Z)):
-        assert facts.m_matrix(stored, "Z").value == expected
-        # for a Z-matrix M and P are one (Berman and Plemmons, theorem 6.2.3 A1)
-        assert facts.p_matrix(stored, "Z", facts.definiteness(stored, "Z")).value == expected
-    has_positive = bool((M[~np.eye(len(M), dtype=bool)] > 0).any())
-    assert facts.z_matrix(M, "M").value is not has_positive
 
 
 @settings(max_examples=200, deadline=None)
@@ -245,27 +225,6 @@ def test_facts_of_empty_problems(node: str) -> None:
     for found in facts.of_problem(cls(**data, **extra)):
         assert found.how is not How.UNDECIDED
         assert str(found)
-
-
-def test_info_prints_facts(tmp_path: Path) -> None:
-    path = tmp_path / "singular.h5"
-    storage.save(LCP(M=np.ones((2, 2)), q=[-1.0, 1.0], name="singular"), path)
-    said = CliRunner().invoke(cli, ["info", str(path)], catch_exceptions=False).output
-    assert "P-matrix of M: no (exact, principal minor of rows 1, 2 is 0)" in said
-
-
-def test_facts_agree_with_what_obstacles_ask() -> None:
-    """`matrices.is_psd` and `is_symmetric` decide what edges refuse; the facts must not say otherwise."""
-    rng = np.random.default_rng(11)
-    for n in (3, 30, 350):
-        for shift in (0.0, 1e-9, -1e-9, 1e-5, -1e-5):
-            J = rng.standard_normal((n, max(1, n // 2)))
-            W = J @ J.T
-            M = W + shift * np.abs(W).max() * np.eye(n)
-            for stored in (M, sp.csr_array(M)):
-                known = facts.definiteness(stored, "M")
-                assert (known.value in ("positive definite", "positive semidefinite")) == matrices.is_psd(stored)
-    assert facts.of_problem(LCP(M=np.eye(2), q=[0.0, 0]))[0].value is True
 
 
 # ---------------------------------------------------------------------------------------- the ends of the numbers

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import cpbench as command
 from command_line import with_plugins
 from generated import instances
 from test_reduce import PLUGIN
@@ -16,7 +15,7 @@ import cpbench
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError
 from cpbench_lab.reduction.hunting.hunt import failure
-from cpbench_lab.reduction.hunting.mutations import MUTATIONS, mutated
+from cpbench_lab.reduction.hunting.mutations import MUTATIONS
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
@@ -41,13 +40,6 @@ def test_a_solution_stays_where_a_pair_is_made_degenerate() -> None:
     instance = instances("lcp-planted")[0]
     changed = MUTATIONS["degenerate"](instance.problem, instance.solution, np.random.default_rng(0))
     assert cpbench.verify(changed, instance.solution).solved
-
-
-def test_problems_with_maps_have_neighbours_too() -> None:
-    problem = instances("ncp-classics")[0].problem
-    name, other = mutated(problem, None, np.random.default_rng(0))
-    assert name in MUTATIONS
-    assert other.sizes()["n"] == problem.sizes()["n"] - 1
 
 
 @pytest.mark.parametrize(
@@ -84,10 +76,3 @@ def test_a_liar_is_found_and_its_lie_reduced(tmp_path: Path) -> None:
     rows = done.stdout.splitlines()
     assert rows[1].split()[:2] == ["failure", "found"]
     assert rows[2].startswith("wrong")
-
-
-def test_nothing_is_written_over(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    done = command(tmp_path, "hunt", "-s", "lemke", "--against", "pgs", "--minutes", "0.001", "-o", ".")
-    assert done.returncode == 2
-    assert "not empty" in done.stderr

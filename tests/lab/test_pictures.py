@@ -17,11 +17,10 @@ from tiers import some_by_day
 from cpbench import storage
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
 from cpbench.cli import cli
-from cpbench.cli.plot_command import packages
-from cpbench.errors import CpbenchError, NotApplicable, PointError, ProblemError
+from cpbench.errors import CpbenchError, PointError, ProblemError
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LCPPoint, QPPoint
 from cpbench.report import canvas
-from cpbench.report.figure_kinds import Drawing, Need, find, summaries
+from cpbench.report.figure_kinds import Drawing, find
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_lab.figures.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench_lab.pictures.sparsity import coarsened
@@ -61,18 +60,6 @@ def lcp(M: list[list[float]], q: list[float]) -> LCP:
 
 
 # --- contacts -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("address", "expected"),
-    [("one-open", State.OPEN), ("one-slide", State.SLIP), ("one-fast", State.SLIP), ("one-stick", State.STICK)],
-)
-def test_states_of_planted_single_contacts(address: str, expected: State) -> None:
-    problem, point = builtin(f"fc/contact-planted-3d.h5::{address}")
-    states = contact_states(problem, point)
-    assert states.state.tolist() == [str(expected)]
-    size = np.linalg.norm(states.share[0])
-    assert {State.OPEN: size == 0, State.SLIP: abs(size - 1) < 1e-12, State.STICK: size < 1}[expected]
 
 
 @pytest.mark.parametrize("address", ["bodies-8", "bodies-20"])
@@ -148,23 +135,6 @@ def scene() -> tuple[FrictionContact, FCPoint]:
     return FrictionContact(W=W, q=q, mu=np.full(3, 0.5), contacts=contacts, name="scene"), FCPoint(r=r)
 
 
-def test_contacts_are_drawn_at_their_places() -> None:
-    problem, point = scene()
-    axes = drawn("contact", problem, point).figure.axes[0]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$ [m]", "$z$ [m]")
-    dots = [c.get_offsets().tolist() for c in axes.collections if type(c).__name__ == "PathCollection"]
-    assert sorted(itertools.chain(*dots)) == [[0.0, 0.0], [1.0, 0.0], [2.0, 0.5]]
-    arrows = [c for c in axes.collections if type(c).__name__ == "Quiver"]
-    drawn_forces = sorted((float(c.U[0]), float(c.V[0])) for c in arrows)
-    unit = 0.2 * 2.0 / 2.0  # a fifth of the width of the scene for the largest force
-    np.testing.assert_allclose(drawn_forces, [(0.0, 2 * unit), (0.5 * unit, unit)], atol=1e-15)
-
-
-def test_counts_stand_in_the_figure() -> None:
-    said = [text.get_text() for text in drawn("contact", *scene()).figure.texts]
-    assert said == ["● 1 stick", "▲ 1 slip", "○ 1 open"]
-
-
 def test_a_disk_where_there_are_no_positions() -> None:
     problem, point = builtin("fc/contact-planted-3d.h5::full-rank-30")
     figure = drawn("contact", problem, point).figure
@@ -188,21 +158,6 @@ def test_wrong_answers_stay_in_the_picture(address: str, rng: np.random.Generato
 
 
 # --- cone -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.nightly
-def test_the_example_of_the_cone_slides_by_the_law() -> None:
-    """W = I: r_T is the projection of −q_T on the disk, û is at a right angle to r."""
-    from cpbench.solvers.base import solve
-    from cpbench_lab.pictures.cone import example
-
-    problem = example()
-    point = solve(problem, "nsgs").point
-    q_T = problem.q[1:]
-    np.testing.assert_allclose(point.r, [1.0, *(-0.6 * q_T / np.linalg.norm(q_T))], atol=1e-6)
-    guide = drawn("cone").guide
-    assert "is at 90.0° to $r$" in guide
-    assert "0.0° from" in guide
 
 
 def test_a_wrong_reaction_is_drawn_with_its_angle() -> None:
@@ -282,24 +237,12 @@ def test_every_pivot_of_lemke_is_almost_complementary(rng: np.random.Generator) 
     assert longest >= 3
 
 
-def test_a_ray_is_shown_and_positive_q_needs_no_pivot() -> None:
-    path = lemke_path(lcp([[-1, 0], [0, -1]], [-1, -2]))
-    assert path.ray
-    assert path.cover.tolist() == [2.0]
-    assert not len(lemke_path(lcp([[2, 1], [0, 1]], [1, 0.5])).cover)
-
-
 @pytest.mark.parametrize("size", [1.0, 1e6])
 def test_cones_hold_what_is_nine_digits_from_them(size: float) -> None:
     """All cones of M = −I are the quadrant, from which q = (1, −δ) is δ away."""
     near, far = (complementary_cones(lcp([[-1, 0], [0, -1]], [size, -size * away])) for away in (0.9e-9, 1.1e-9))
     assert len(solutions(near)) == 2
     assert not solutions(far)
-
-
-def test_flat_cones_are_named() -> None:
-    flat = [cone.active for cone in complementary_cones(lcp([[1, -1], [-1, 1]], [-2, 1])) if cone.degenerate]
-    assert flat == [(0, 1)]
 
 
 @pytest.mark.parametrize(
@@ -337,13 +280,6 @@ def test_active_set_of_an_lcp_with_every_case() -> None:
     assert sum(pairs.count(side) for side in ActiveSide) == 5
 
 
-def test_active_set_of_planted_answers_is_complementary() -> None:
-    for address in ("lcp/lcp-planted.h5::degenerate-40", "mlcp/mlcp-planted.h5::monotone-40-60"):
-        (pairs,) = active_set(*builtin(address))
-        assert pairs.count(ActiveSide.BOTH) == pairs.count(ActiveSide.NEGATIVE) == 0
-        assert (pairs.count(ActiveSide.NEITHER) > 0) == ("degenerate" in address)
-
-
 def test_active_set_of_a_box_has_both_bounds() -> None:
     """min ½‖z − (−2, 0.5, 3)‖² over 0 ≤ z ≤ 1: lower, between, upper."""
     problem = QP.build(np.eye(3), np.array([2.0, -0.5, -3.0]), lb=np.zeros(3), ub=np.ones(3))
@@ -376,77 +312,6 @@ def test_structure_has_a_panel_a_matrix_in_its_place() -> None:
 
 
 # --- the command ----------------------------------------------------------------------------------------------------
-
-
-def test_every_kind_tells_what_it_shows() -> None:
-    told = summaries(PICTURES)
-    assert set(told) == {"cone", "contact", "lcp-cones", "active-set", "sparsity"}
-    said = run("plot", "--help").output
-    assert all(name in said and line.endswith(".") for name, line in told.items())
-    assert PICTURES in packages()
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("suffix", some_by_day(canvas.SUFFIXES, 1))
-def test_the_same_bytes_twice(suffix: str, tmp_path: Path) -> None:
-    one, two = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
-    for path in (one, two):
-        assert run("plot", "contact", f"{PLANTED}::full-rank-6", "-o", path).exit_code == 0
-    assert one.read_bytes() == two.read_bytes()
-    assert str(tmp_path).encode() not in one.read_bytes()
-
-
-def test_an_answer_of_ones_own(tmp_path: Path) -> None:
-    np.save(tmp_path / "r.npy", np.zeros(18))
-    done = run("plot", "contact", f"{PLANTED}::full-rank-6", "--answer", tmp_path / "r.npy", "-o", tmp_path / "x.svg")
-    assert done.exit_code == 0, done.output
-    np.save(tmp_path / "r.npy", np.zeros(17))
-    said = refused(
-        "plot", "contact", f"{PLANTED}::full-rank-6", "--answer", tmp_path / "r.npy", "-o", tmp_path / "x.svg"
-    )
-    assert "17 numbers, expected 18" in said
-
-
-def test_names_are_text(tmp_path: Path) -> None:
-    problem = lcp([[2, 1], [1, 2]], [-1, -1])
-    storage.save(LCP(M=problem.M, q=problem.q, name=r"$\frac{a}{b <script>x_1$"), tmp_path / "p.h5")
-    assert run("plot", "lcp-cones", tmp_path / "p.h5", "-o", tmp_path / "x.svg").exit_code == 0
-    title = ET.parse(tmp_path / "x.svg").getroot().find(".//{http://purl.org/dc/elements/1.1/}title")
-    assert title is not None
-    assert "<script>" in (title.text or "")
-    assert b"<script" not in (tmp_path / "x.svg").read_bytes()
-
-
-def test_long_names_are_broken_and_formulas_are_not() -> None:
-    name = "x" * 60
-    told = canvas.wrapped(f"Friction cone: {name}", lambda line: len(line) <= 40)
-    assert [len(line) for line in told] == [14, 40, 20]
-    formula = r"$r_\mathrm{T} / \mu r_\mathrm{N} \leq 1$"
-    assert any(
-        formula in line for line in canvas.wrapped(f"{name} and {formula} and {name}", lambda line: len(line) <= 20)
-    )
-
-
-@pytest.mark.nightly
-def test_words_below_a_figure_stay_within_it(tmp_path: Path) -> None:
-    """Digits and signs are wider than letters."""
-    with canvas.drawing():
-        drawn = find("cpbench_lab.pictures", "cone").draw()
-        wide = Drawing(drawn.figure, "W" * 30 + " 1×1", "M: n×n = 150×150, " * 9 + r"$\mu r_\mathrm{N} = 0$ " * 9)
-        canvas.write(wide, tmp_path / "x.png")
-        renderer = drawn.figure.canvas.get_renderer()
-        ends = [text.get_window_extent(renderer).x1 for text in drawn.figure.texts]
-    assert max(ends) <= drawn.figure.bbox.x1
-
-
-@pytest.mark.nightly
-def test_bare_figures_are_smaller(tmp_path: Path) -> None:
-    heights = {}
-    for flag in ((), ("--bare",)):
-        assert run("plot", "cone", *flag, "-o", tmp_path / "x.svg").exit_code == 0
-        heights[flag] = float(ET.parse(tmp_path / "x.svg").getroot().attrib["height"].removesuffix("pt"))
-    assert heights[("--bare",)] == pytest.approx(72 * 2.7)
-    assert heights[()] > heights[("--bare",)]
 
 
 @pytest.mark.parametrize(
@@ -482,18 +347,3 @@ def test_what_cannot_be_drawn_is_refused(arguments: tuple[str, ...], said: str, 
     output = tmp_path / "x.svg"
     assert said in refused("plot", *arguments, "-o", output)
     assert not output.exists()
-
-
-def test_outputs_that_cannot_be_written(tmp_path: Path) -> None:
-    assert "unknown suffix '.jpg'" in refused("plot", "cone", "-o", tmp_path / "x.jpg")
-    assert "unknown suffix ''" in refused("plot", "cone", "-o", tmp_path / "x")
-    assert "cannot be written" in refused("plot", "cone", "-o", tmp_path / "none" / "x.svg")
-    assert "Missing option '-o'" in refused("plot", "cone")
-
-
-def test_kinds_that_need_an_answer_say_so() -> None:
-    needs = {name: find(PICTURES, name).answer for name in summaries(PICTURES)}
-    assert {name for name, need in needs.items() if need is Need.REQUIRED} == {"contact", "active-set"}
-    free, least = QP.build(np.eye(2), np.ones(2)), QPPoint(z=-np.ones(2), lam=[], mu=[], nu=np.zeros(2))
-    with pytest.raises(NotApplicable, match="no inequality"):
-        drawn("active-set", free, least)

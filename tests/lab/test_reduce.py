@@ -200,16 +200,6 @@ def test_a_lie_is_reduced_to_the_entry_it_hangs_on(lies: Path) -> None:
     assert set(np.abs([*np.diag(M), *problem.q])) <= {0.0, 1.0}
 
 
-def test_the_report_says_what_is_claimed_and_what_is_true(lies: Path) -> None:
-    text = (lies / "report.md").read_text()
-    assert text.startswith("# half-liar: wrong on a problem of n = 2 (lcp)")
-    assert "`cpbench solve problem.h5 -s half-liar -t 1e-06 --timeout 2s`" in text
-    assert "half-liar says `solved`" in text
-    assert "auto-lcp: solved with error" in text
-    assert len([line for line in text.splitlines() if line]) <= 11
-    assert (lies / "problem.svg").stat().st_size > 1000
-
-
 def test_the_same_command_again_solves_nothing_anew(folder: Path, lies: Path) -> None:
     """All candidates are in the journal; the first problem and the last are solved again, each by two solvers."""
     shutil.copytree(lies, folder / "again")
