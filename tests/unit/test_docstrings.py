@@ -7,7 +7,7 @@ import ast
 from collections import Counter
 from collections.abc import Iterator
 
-from sources import module_name, modules
+from sources import module_name, modules, parsed
 
 OTHER_WORDS = """
     A All An And As At By Each Every For From How If In Into It Its Likewise No None Not Of On One Only Raises Returns
@@ -25,9 +25,9 @@ def _is_property(node: Definition) -> bool:
     return bool({"property", "cached_property"} & set(names))
 
 
-def _refused(source: str) -> Iterator[tuple[int, str]]:
+def _refused(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Yield line and first word of every docstring that begins with a word that it must not begin with."""
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree):
         if not isinstance(node, Definition) or _is_property(node) or not (text := ast.get_docstring(node)):
             continue
         word = text.split()[0].rstrip(".,:;")
@@ -41,19 +41,19 @@ def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
     """Properties are read like attributes: theirs may be either."""
     files = modules()
     assert len(files) > 400
-    found = [f"{module_name(path)}:{line}: {word}" for path in files for line, word in _refused(path.read_text())]
+    found = [f"{module_name(path)}:{line}: {word}" for path in files for line, word in _refused(parsed(path))]
     assert not found, "\n".join(found)
 
 
 def test_forbidden_words_are_detected() -> None:
     source = 'def f():\n    """The sum."""\ndef g():\n    """A⁻¹b."""\nclass C:\n    """What is read."""\n'
-    assert list(_refused(source)) == [(1, "The"), (3, "A⁻¹b"), (5, "What")]
+    assert list(_refused(ast.parse(source))) == [(1, "The"), (3, "A⁻¹b"), (5, "What")]
     fine = '@property\ndef f():\n    """The sum."""\ndef g():\n    """Return it."""\nclass C:\n    """The sums."""\n'
-    assert not list(_refused(fine))
+    assert not list(_refused(ast.parse(fine)))
 
 
 def test_no_public_class_name_is_defined_twice() -> None:
-    nodes = [node for path in modules() for node in ast.parse(path.read_text()).body]
+    nodes = [node for path in modules() for node in parsed(path).body]
     names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
     assert len(names) > 500
     assert [name for name, count in names.items() if count > 1] == []
