@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cpbench.formulations.conic import ConeQP
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.local_contact import FrictionContact
-from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 
@@ -84,19 +82,3 @@ def test_refusals(desaxce: Any) -> None:
     assert "asymmetry = 2.5e-01" in str(desaxce.obstacle(skew))
     indefinite = FrictionContact(W=np.diag([1.0, 1.0, -1.0]), q=np.ones(3), mu=np.array([0.5]))
     assert "semidefinite" in str(desaxce.obstacle(indefinite))
-
-
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
-def test_scs_and_clarabel_agree_on_a_cone_program(tolerance: float) -> None:
-    """Q positive definite: the solution is unique."""
-    rng = np.random.default_rng(7)
-    F = rng.normal(size=(11, 11))
-    K = ProductCone.of((Cone.SECOND_ORDER, 2, 3, 0.5), (Cone.ROLLING, 1, 5, 0.4, 0.2))
-    problem = ConeQP.over(F @ F.T / 11 + 0.1 * np.eye(11), rng.normal(size=11), K)
-    answers = []
-    for name in ("scs-coneqp", "clarabel-coneqp"):
-        output = solvers.get(name).run(problem, Budget(tolerance=tolerance))
-        assert output.claim is Claim.SOLVED
-        assert judge(problem, output.point, tolerance).solved
-        answers.append(output.point.x)
-    assert np.abs(answers[0] - answers[1]).max() < 100 * tolerance

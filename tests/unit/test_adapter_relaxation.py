@@ -104,11 +104,6 @@ def test_a_sliding_contact_lifts_off_by_mu_times_its_speed() -> None:
     assert abs(u[0] - mu * np.hypot(u[1], u[2])) < 1e-6  # u on the boundary of K*: dilatancy
 
 
-def test_no_load_no_reaction() -> None:
-    problem = FrictionContact(W=np.eye(3), q=np.zeros(3), mu=np.array([0.5]))
-    assert np.abs(RELAXATION.run(problem).point.r).max() < 1e-6
-
-
 def test_a_load_without_support_is_unbounded() -> None:
     """W = 0 and a contact that is pushed in: qᵀr decreases without end along the normal."""
     problem = FrictionContact(W=np.zeros((3, 3)), q=np.array([-1.0, 0.0, 0.0]), mu=np.array([0.5]))

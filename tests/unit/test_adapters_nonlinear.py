@@ -7,7 +7,7 @@ import pytest
 from planted_nonlinear import graph
 from tiers import some_by_day
 
-from cpbench.formulations import NLP, Equation, EquationPoint, MiCP
+from cpbench.formulations import NLP, Equation, MiCP
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.expressions.recording import MapRecorder, maximum
 from cpbench.generators import generators
@@ -55,15 +55,6 @@ def test_roots_with_exact_jacobians(solver: str, name: str) -> None:
 def test_roots_without_jacobian(solver: str) -> None:
     problem = next(case.problem for case in cases("equation") if case.name == "piecewise")
     assert _run(solver, problem).claim is Claim.SOLVED
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("solver", [*EXACT, "scipy-root-krylov", "scipy-root-df-sane"])
-def test_a_root_as_start_costs_nothing(solver: str) -> None:
-    output = _run(solver, Equation(F=graph(2, lambda x: x * x - 4.0)), start=EquationPoint(z=np.array([2.0, -2.0])))
-    assert output.claim is Claim.SOLVED
-    assert output.counters["iterations"] == 0
-    np.testing.assert_array_equal(output.point.z, [2.0, -2.0])
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -183,11 +174,3 @@ def test_what_gams_cannot_say_is_refused(solver: str) -> None:
     assert "MAX" in (solvers.get(solver).obstacle(kink) or "")
     constant = MiCP(F=graph(2, lambda x: np.array([x[0] - 1.0, 1.0])), lb=[0.0, 0.0], ub=[np.inf, np.inf])
     assert "occur nowhere" in (solvers.get(solver).obstacle(constant) or "")
-
-
-def test_shared_operations_do_not_make_endless_text() -> None:
-    build, value = Builder(1), 0
-    for _ in range(40):
-        value = build.apply(Operator.MUL, value, value)
-    doubled = MiCP(F=build.finish([value]), lb=[0.0], ub=[np.inf])
-    assert "characters" in (solvers.get("gams-path-micp").obstacle(doubled) or "")

@@ -114,18 +114,6 @@ def test_what_an_exchange_refuses_is_known_before(name: str, tmp_path: Path) -> 
 # ------------------------------------------------------------------------------------------- HDF5 and FCLIB
 
 
-def test_an_answer_of_fclib_has_its_names(tmp_path: Path) -> None:
-    problem = CASES["gfc2-sparse-5-2"]
-    with h5py.File(tmp_path / "a.hdf5", "w") as file:  # as its C library writes it: with u, and in any order
-        for name, size in (("v", 6), ("u", 10), ("r", 10), ("l", 2)):
-            file[f"solution/{name}"] = np.arange(size, dtype=float)
-    point = exchanges.get("fclib").read_answer(tmp_path / "a.hdf5", problem)
-    np.testing.assert_array_equal(point.lam, [0.0, 1.0])
-    exchanges.get("fclib").write_answer(point, tmp_path / "b.hdf5")
-    with h5py.File(tmp_path / "b.hdf5") as file:
-        assert set(file["solution"]) == {"v", "r", "l"}
-
-
 def test_an_answer_may_stand_in_a_copy_of_its_problem(tmp_path: Path) -> None:
     problem, path = CASES["fc3-dense-1"], tmp_path / "p.hdf5"
     exchanges.get("fclib").write_problem(problem, path)

@@ -44,13 +44,6 @@ def test_a_killed_reader_is_reported(tmp_path: Path, number: signal.Signals) -> 
         require_survivor(tmp_path / "x.mat", lambda: os.kill(os.getpid(), number), "its reader")
 
 
-def test_a_reader_that_returns_or_raises_is_not(tmp_path: Path) -> None:
-    seen: list[int] = []
-    require_survivor(tmp_path / "x.mat", lambda: seen.append(1), "its reader")
-    require_survivor(tmp_path / "x.mat", lambda: 1 / 0, "its reader")
-    assert not seen, "it was in another process"
-
-
 def test_indices_that_point_outside_their_matrix_are_refused(tmp_path: Path) -> None:
     """SciPy reads them as they stand; a conversion of such a matrix killed the command line."""
     square, one = sp.csc_matrix(np.eye(4)), np.ones((4, 1))

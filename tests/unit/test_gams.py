@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import random
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from damage import read_or_refused, rearranged
 from gams_oracle import declared, equations
 from tiers import by_night, some_by_day
 
@@ -417,27 +414,3 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
         file.truncate(1 << 33)
     with pytest.raises(FormatError, match="has 8590 MB, at most 67 are read"):
         storage.load(path)
-
-
-@pytest.mark.parametrize("seed", [0, *by_night(range(1, 60))])
-def test_damaged_texts_are_refused_or_read_as_python_reads_them(
-    seed: int, tmp_path: Path, shared_data: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Bytes, words, lines and statements that are changed, left out, doubled or exchanged."""
-    caplog.set_level("ERROR")
-    draw = random.Random(seed)
-    sources = [GOOD, *((shared_data / "gams" / f"{name}.gms").read_text() for name in ("hs071", "hs065", "kehoe2"))]
-    accepted = compared = 0
-    for _ in range(150):
-        cuts = (r"(\n)", r"(;)", r"(\W)", r"(.)")
-        text = rearranged(draw.choice(sources), draw, cuts, "0123456789.;=*+-/()xelo,$% \n\t\x00\xff")
-        problem = read_or_refused(lambda text=text: read(tmp_path, text))
-        if problem is None:
-            continue
-        accepted += 1
-        if problem.node in ("nlp", "qp"):
-            # Python has no number 05, and its functions refuse arguments for which they have no value
-            with contextlib.suppress(SyntaxError, ArithmeticError, TypeError, ValueError, NameError):
-                compared += _agrees(problem, text, np.random.default_rng(seed)) > 0
-    assert accepted > 10
-    assert compared > 5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,8 @@ import pytest
 from command_line import cpbench
 
 from cpbench import graph, storage
-from cpbench.cli.collection_command import scene
 from cpbench.foundation import matrices
 from cpbench.verification import judge
-from cpbench_problems.scenes.bodies import families
 
 pytestmark = pytest.mark.needs("cpbench_solvers")
 
@@ -80,12 +77,6 @@ def test_joints_and_rolling_friction_have_their_formulations(tmp_path: Path) -> 
         assert {storage.load(address).node for address in storage.problem_files([file])} == nodes
 
 
-def test_another_solver_moves_the_bodies(tmp_path: Path) -> None:
-    done = cpbench(tmp_path, "collection", "scene", "tower", "--size", "1", "--steps", "2", "-s", "nsgs", "-o", "t.h5")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "solved by nsgs: all steps" in done.stdout
-
-
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -100,19 +91,3 @@ def test_what_makes_no_scene_is_refused_and_nothing_written(given: tuple[str, ..
     assert done.returncode == 2
     assert said in done.stdout + done.stderr
     assert not list(tmp_path.iterdir())
-
-
-def test_an_existing_file_is_kept(tmp_path: Path) -> None:
-    there = tmp_path / "there.h5"
-    there.write_text("mine")
-    done = cpbench(tmp_path, "collection", "scene", "tower", "-o", str(there))
-    assert done.returncode == 2
-    assert "--force replaces it" in done.stdout + done.stderr
-    assert there.read_text() == "mine"
-
-
-def test_the_help_names_every_scene() -> None:
-    assert scene.help is not None
-    listed = re.search(r"time stepping: (.*?)\.", scene.help, re.DOTALL)
-    assert listed is not None
-    assert sorted(" ".join(listed[1].split()).split(", ")) == sorted(families.names())

@@ -16,7 +16,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cpbench import graph
-from cpbench.cli import main
 from cpbench.cli.graph_command import draw, solvers_of
 from cpbench.conversions import Conversion
 from cpbench.errors import NoRoute
@@ -262,23 +261,3 @@ def test_the_text_has_every_edge_under_its_source(kinds):
         arrows = [tuple(found) for found in re.findall(r"-> (\w+) +(\S+)", block)]
         shown = [e for e in graph.edges() if e.source == node and graph.best_kind(e) in kinds]
         assert sorted(arrows) == sorted((e.target, e.name) for e in shown)
-
-
-LECTURE = [
-    *("lcp-qp", "lcp-qp-nonsymmetric", "lcp-mlcp", "lcp-avi", "mlcp-lcp-schur", "mlcp-lcp-split"),
-    *("qp-mlcp", "qp-qp-dual", "qp-avi", "qp-coneqp", "relay-lcp", "relay-avi", "avi-lcp-bounds", "avi-mlcp"),
-    *("soclcp-coneqp", "coneqp-soclcp", "gfc-fc", "gfc-fcm", "fcm-fc", "gfc-mlcp", "fc-lcp-2d"),
-    *("fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer", "fc-soclcp", "fc-coneqp", "fc-coneqp-tresca"),
-    *("afc-fc", "grfc-rfc", "rfc-lcp-2d", "rfc-lcp-facets"),
-]
-"""The conversions of the lecture's linear half and of its contact half, one for every formula."""
-
-
-def test_every_conversion_of_the_lecture_is_drawn():
-    assert set(LECTURE) <= set(re.findall(r"  -> \w+ +(\S+)", draw(graph.ALL)))
-
-
-def test_the_command_draws(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["cpbench", "graph"])
-    main()
-    assert capsys.readouterr().out == draw(graph.ALL) + "\n"

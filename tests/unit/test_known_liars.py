@@ -14,45 +14,14 @@ import pytest
 from one_row import row_of
 
 from cpbench.bench.slot import Slot
-from cpbench.formulations import LCP, QP
+from cpbench.formulations import LCP
 from cpbench.solvers import solvers
-
-UNSOLVABLE = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1.0, -1, 1])
-"""Pang's problem with δ = 1: w₁ = −z₂ − z₃ − 1 < 0 for every z ≥ 0."""
 
 
 @pytest.fixture(scope="module")
 def slot() -> Iterator[Slot]:
     with Slot() as slot:
         yield slot
-
-
-@pytest.mark.nightly
-def test_success_of_moby_where_there_is_no_solution(slot: Slot, tmp_path: Path) -> None:
-    """Drake's Moby says kSolutionFound; the natural residual of what it found is 1."""
-    row = row_of(slot, UNSOLVABLE, "drake-moby", tmp_path)
-    assert (row.status, row.claim, row.message) == ("wrong", "solved", "kSolutionFound")
-    assert row.error == pytest.approx(1.0)
-
-
-@pytest.mark.nightly
-def test_the_other_lemke_does_not_claim_it(slot: Slot, tmp_path: Path) -> None:
-    assert row_of(slot, UNSOLVABLE, "drake-lemke", tmp_path).status == "failed"
-
-
-@pytest.mark.nightly
-def test_a_convex_program_that_highs_calls_unbounded(slot: Slot, tmp_path: Path) -> None:
-    """min ½zᵀMz + qᵀz, z ≥ 0, for an LCP with a planted solution, M of rank 20 of 60: its minimum is there."""
-    rng = np.random.default_rng(3)
-    F = rng.normal(size=(60, 20))
-    M = F @ F.T
-    z = np.where(rng.random(60) < 0.5, rng.random(60), 0.0)
-    w = np.where(z > 0, 0.0, rng.random(60))
-    program = QP.build(Q=M, p=w - M @ z, lb=np.zeros(60))
-    row = row_of(slot, program, "highs", tmp_path)
-    assert (row.status, row.claim) == ("failed", "unbounded")
-    assert "Unbounded" in row.message
-    assert row_of(slot, program, "clarabel", tmp_path).status == "solved"
 
 
 @pytest.mark.nightly

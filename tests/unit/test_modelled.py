@@ -15,7 +15,6 @@ from command_line import cpbench as command
 from scipy.optimize import lsq_linear
 
 import cpbench
-from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError, PointError, ProblemError
 
 THREE = [[3, 3], [2, 5], [0, 6]], [[3, 2], [2, 6], [3, 1]]
@@ -185,14 +184,6 @@ def test_least_squares_do_not_square_the_condition_number() -> None:
     assert abs(cpbench.solve(normal, tolerance=1e-9).point.z - x).max() > 0.1
 
 
-def test_one_bound_for_all_and_an_answer_without_multipliers() -> None:
-    model = cpbench.from_least_squares([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], [1.0, 0.0, -1.0], lb=0.0)
-    best, below = [0.5, 0.0, -0.5, 0.5, 1.0], [1.0, -1.0, 0.0, 0.0, 0.0]
-    assert model.lift(best).tolist() == best[:2]
-    assert cpbench.verify(model.problem, best).solved
-    assert not cpbench.verify(model.problem, below).solved
-
-
 @pytest.mark.parametrize(
     ("given", "cause"),
     [
@@ -205,19 +196,6 @@ def test_one_bound_for_all_and_an_answer_without_multipliers() -> None:
 def test_least_squares_that_do_not_fit_are_refused(given, cause) -> None:
     with pytest.raises(ProblemError, match=cause):
         cpbench.from_least_squares(**given)
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_least_squares_are_packed(tmp_path: Path) -> None:
-    parts = {"A": [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], "b": [1.0, 0.0, -1.0], "lb": [0.0, 0.0], "ub": [9.0, 9.0]}
-    for name, values in parts.items():
-        np.save(tmp_path / f"{name}.npy", np.array(values))
-    given = [f"{name}.npy" for name in parts]
-    assert command(tmp_path, "pack", *given, "-o", "fit.h5", "--as", "least-squares").returncode == 0
-    shown = command(tmp_path, "solve", "fit.h5").stdout
-    assert "objective 0.75" in shown  # x = (1/2, 0) by hand, r = (-1/2, 1/2, 1)
-    assert "r[2]" in shown
-    assert storage.load(tmp_path / "fit.h5").fingerprint == cpbench.from_least_squares(**parts).problem.fingerprint
 
 
 # ------------------------------------------------------------------------------------------- qpsolvers

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import AVI, LCP, MLCP, QP, FrictionContact
+from cpbench.formulations import AVI, LCP, MLCP, QP
 
 
 def _mof(tmp_path: Path, **parts: Any) -> Path:
@@ -169,9 +169,3 @@ def test_a_hessian_that_rounding_made_asymmetric_has_the_same_objective(tmp_path
         i, j, c = term["variable_1"], term["variable_2"], term["coefficient"]
         value += 0.5 * c * z[i] ** 2 if i == j else c * z[i] * z[j]
     assert value == pytest.approx(problem.objective(np.array(list(z.values()))), rel=1e-14)
-
-
-def test_a_contact_problem_is_none_of_mathoptformats(tmp_path: Path) -> None:
-    problem = FrictionContact(W=np.eye(3), q=np.ones(3), mu=np.ones(1))
-    with pytest.raises(FormatError, match="no"):
-        storage.save(problem, tmp_path / "p.mof.json")

@@ -24,10 +24,10 @@ from mof_schema import violations
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import NCP, NLP, QP, MiCP, formulations
+from cpbench.formulations import NCP, NLP, MiCP, formulations
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench_problems.formats import mof_json, to_mof
-from cpbench_problems.formats.model_problem import complementarity, program
+from cpbench_problems.formats.model_problem import program
 from cpbench_problems.formats.mof_functions import Functions
 from cpbench_problems.formats.mof_model import read_model
 from cpbench_problems.formats.mof_operators import KNOWN
@@ -347,19 +347,6 @@ def test_complementarity_of_others(tmp_path: Path) -> None:
     assert mixed.lb.tolist() == [0.0, -np.inf]
 
 
-def test_linear_models_may_be_environment_as_nonlinear_ones(tmp_path: Path) -> None:
-    problem = QP.build(np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([1.0, -1.0]))
-    storage.save(problem, tmp_path / "p.mof.json")
-    quadratic = _program((tmp_path / "p.mof.json").read_bytes())
-    at = np.array([0.3, -0.7])
-    assert quadratic.objective(at) == pytest.approx(problem.objective(at), rel=1e-15)
-    lcp = draw("lcp", 1, 4).problem
-    storage.save(lcp, tmp_path / "l.mof.json")
-    F = complementarity(read_model((tmp_path / "l.mof.json").read_bytes(), "text"))["F"]
-    at = np.arange(4.0)
-    np.testing.assert_allclose(F(at), lcp.data()["M"] @ at + lcp.data()["q"], rtol=1e-14)
-
-
 # ------------------------------------------------------------------------------------------------- hostile
 
 
@@ -475,15 +462,6 @@ def test_too_many_terms_are_refused_before_they_are_parsed(piece: bytes) -> None
     assert mof_json.memory(b'{"type":"sin","args":["x"]},' * 1000) * 10_000 > mof_json.LARGEST
 
 
-def test_a_file_that_is_too_long_is_not_read(tmp_path: Path) -> None:
-    path = tmp_path / "p.mof.json"
-    with open(path, "wb") as file:
-        file.write(b'{"version"')
-        file.truncate(5_000_000_000)  # no bytes on the disk
-    with pytest.raises(FormatError, match=r"5\.0 GB"):
-        storage.load(path)
-
-
 @pytest.mark.parametrize(
     ("part", "put", "says"),
     [
@@ -519,10 +497,3 @@ def test_damaged_maps_in_hdf5_are_one_line(part: str, put: Any, says: str, tmp_p
         storage.load(path)
     assert str(path) in str(refusal.value)
     assert "\n" not in str(refusal.value)
-
-
-def test_hdf5_keeps_parameters(tmp_path: Path) -> None:
-    z, p = ca.SX.sym("z", 2), ca.SX.sym("p")
-    problem = NCP.from_casadi(z, p * z + p, parameters={"p": 2.0})
-    storage.save(problem, tmp_path / "p.h5")
-    assert storage.load(tmp_path / "p.h5").parameters == {"p": 2.0}

@@ -19,8 +19,6 @@ from cpbench.storage.arrays import read_array
 highspy = pytest.importorskip("highspy", reason="needs HiGHS: pip install highspy")
 
 TWINS = ("DUALC2", "HS118", "HS35", "HS76", "QAFIRO", "QBORE3D", "QPCBLEND", "QSC205", "QSHARE2B", "TAME")
-SIZES = {"GENHS28": (10, 0, 8), "HS21": (2, 1, 0), "LOTSCHD": (12, 0, 7)}
-"""n, m, k of the files without a twin: HS21 and GENHS28 by Hock and Schittkowski, LOTSCHD by its classification."""
 
 
 def rows_and_bounds(problem: Any) -> dict[str, Any]:
@@ -52,13 +50,6 @@ def test_published_files_are_their_twins(name: str, shared_data: Path) -> None:
         assert np.allclose(mine[part], theirs[part], rtol=2e-13, atol=2e-12), part
     offsets = [problem.info.properties.get("objective_offset", 0.0) for problem in (ours, twin)]
     assert offsets[0] == offsets[1]
-
-
-def test_the_other_published_files_are_read(shared_data: Path) -> None:
-    files = sorted(path.stem for path in (shared_data / "qps").glob("*.SIF"))
-    assert files == sorted({*TWINS, *SIZES})
-    for name, sizes in SIZES.items():
-        assert tuple(storage.load(shared_data / f"qps/{name}.SIF").sizes().values()) == sizes
 
 
 # ------------------------------------------------------------------------------------------ against HiGHS
@@ -230,14 +221,6 @@ REFUSED = {
     "tiny": (".lp", "c: x + y", "c: 1e-13 x + y", "ignored"),
     "no program, LP": (".lp", LP, "once upon a time\n", "expected a section keyword"),
 }
-
-
-def test_lp_by_hand(tmp_path: Path) -> None:
-    (tmp_path / "a.lp").write_text(LP)
-    problem: Any = storage.load(tmp_path / "a.lp")
-    assert objective(problem, np.array([2.0, -1.0])) == 4 + 1 + 0.5 * (4 - 4 + 3) + 7
-    assert (matrices.dense(problem.A).tolist(), problem.b.tolist()) == ([[1, 1], [-1, 1]], [1, -3])
-    assert (problem.lb.tolist(), problem.ub.tolist()) == ([-np.inf, 0], [np.inf, np.inf])
 
 
 @pytest.mark.parametrize("name", REFUSED)

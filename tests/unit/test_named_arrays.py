@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -17,9 +16,8 @@ from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import LCP, QP, ConeQP, FrictionContact, formulations
+from cpbench.formulations import QP, ConeQP
 from cpbench.foundation.cones import Cone
-from cpbench_problems.formats import array_forms
 
 Arrays = dict[str, Any]
 rng = np.random.default_rng(20261127)
@@ -73,21 +71,6 @@ def mat(folder: Path, arrays: Arrays) -> Path:
 
 CONTAINERS: Mapping[str, Callable[[Path, Arrays], Path]] = {"npz": npz, "mat": mat}
 CASES = [(form, container) for form in FORMS for container in CONTAINERS]
-
-
-def test_every_form_is_tested() -> None:
-    """The forms of packages, and those of all formulations without maps; a relay has the arrays of an avi."""
-    assert {d.name for d in array_forms.forms()} == set(FORMS)
-    assert {name for name in formulations.names() if not formulations.get(name).has_maps()} - set(FORMS) == {"relay"}
-
-
-@pytest.mark.parametrize(("form", "container"), some_by_day(CASES, 24))
-def test_right_arrays_are_read(form: str, container: str, tmp_path: Path) -> None:
-    """The problem is the same from all containers, and says its form."""
-    problem = storage.load(CONTAINERS[container](tmp_path, FORMS[form]))
-    assert problem.info.properties["form"].startswith(f"{form} (")
-    (tmp_path / "other").mkdir()
-    assert problem.fingerprint == storage.load(npz(tmp_path / "other", FORMS[form])).fingerprint
 
 
 @pytest.mark.parametrize(("form", "container"), some_by_day(CASES, 24))
@@ -252,19 +235,6 @@ def test_lcp_names_are_an_lcp_and_bounds_make_it_an_avi(tmp_path: Path) -> None:
     problem = storage.load(npz(tmp_path, FORMS["lcp"]))
     assert (problem.node, problem.info.properties["form"]) == ("lcp", "lcp (M, q), which avi would fit too")
     assert storage.load(npz(tmp_path, FORMS["lcp"] | {"lb": lb, "ub": np.full(N, np.inf)})).node == "avi"
-
-
-def test_surplus_arrays_of_cpbench_s_own_files_are_refused(tmp_path: Path) -> None:
-    """The native format and FCLIB's."""
-    problems = (LCP(M=P, q=q), FrictionContact(W=W, q=-np.ones(6), mu=[0.3, 0.5]))
-    for number, (problem, groups) in enumerate(zip(problems, (("cpbench",), ("cpbench", "fclib_local")), strict=True)):
-        for group in (*groups, *(f"{name}/vectors" for name in groups[-1:])):
-            path = tmp_path / f"{number}-{group.replace('/', '-')}.h5"
-            storage.save(problem, path)
-            with h5py.File(path, "r+") as file:
-                file[f"{group}/surplus"] = np.ones(4)
-            with pytest.raises(FormatError, match=f"{group}/surplus: is none of "):
-                storage.load(path)
 
 
 @pytest.mark.parametrize(("triangle", "empty"), [(np.triu, "lower"), (np.tril, "upper")])

@@ -183,44 +183,6 @@ def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
     assert "solved" in first.stdout
 
 
-LOADED = """
-import os, sys
-sys.path.insert(0, {folder!r})
-import numba
-from cpbench.solvers import Budget, solvers
-from test_native_cache import problems
-
-def kernels():
-    return {{module for module in sys.modules if ".kernels." in module}}
-
-assert not kernels()
-for name in sys.argv[1:]:
-    if os.fork() == 0:
-        solver = solvers.get(name)
-        for member in getattr(solver, "members", ()):
-            solvers.get(member).warmup()
-        unused = {{f"cpbench_solvers.kernels.{{k}}" for k in getattr(solver, "kernels", ())}} - kernels()
-        solver.warmup()
-        before = kernels()
-        for problem in problems(solver):
-            solver.run(problem, Budget(iterations=50))
-        late = kernels() - before
-        if late or unused:
-            print(name, sorted(late), sorted(unused), flush=True)
-        os._exit(0)
-    assert os.wait()[1] == 0, name
-"""
-
-
-@pytest.mark.parametrize("names", [NATIVE[::40], pytest.param(NATIVE, marks=pytest.mark.nightly)], ids=["some", "all"])
-def test_nothing_is_loaded_after_the_warm_up_nor_more_than_is_used(names: list[str]) -> None:
-    """Whatever lies in the cache: what a solve would have to compile the first time, on its own clock, is known."""
-    code = LOADED.format(folder=str(Path(__file__).parent))
-    done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == ""
-
-
 def problems(solver: Solver) -> Iterator[Problem]:
     """Of three sizes, dense by rows and by columns, and sparse."""
     for n in (1, 3, 70):

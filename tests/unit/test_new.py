@@ -319,40 +319,6 @@ from cpbench.generators.base import collection
 def build():
     return []
 """
-CAUGHT = {
-    "ClaimsZeros": "check_claims_are_true",
-    "WrongShape": "check_answers_have_their_shape",
-    "EditsTheProblem": "check_the_problem_stays",
-    "RollsDice": "check_the_same_twice",
-    "SignFlippedLift": "check_lift_undoes_push",
-    "RefusesOnTheWay": "check_obstacles_are_kept",
-    "LosesAField": "check_round_trip_is_exact",
-    "AlwaysRight": "check_wrong_points_have_a_residual",
-}
-
-
-@pytest.mark.nightly
-def test_broken_plugins_are_caught_by_the_named_check(tmp_path: Path) -> None:
-    """One file with several kinds; the formulation is measured on the problems that the file brings."""
-    text = REGISTERED
-    for name in ("ClaimsZeros", "WrongShape", "EditsTheProblem", "RollsDice"):
-        text += f"solver(broken.{name}, {name!r})\n"
-    for name in ("SignFlippedLift", "RefusesOnTheWay"):
-        text += f"cls = broken.{name}; cls.name = {name!r}; conversions.add({name!r}, cls)\n"
-    text += "broken.LosesAField.name = 'LosesAField'; formats.add('LosesAField', broken.LosesAField())\n"
-    text += "broken.AlwaysRight.node = 'AlwaysRight'; formulations.add('AlwaysRight', broken.AlwaysRight)\n"
-    text += """
-@collection("right", "AlwaysRight", "two unknowns", "nowhere", builtin=False)
-def build():
-    problem = broken.AlwaysRight(M=np.eye(2), q=np.array([-1.0, 1.0]), name="two")
-    return [Instance(problem, LCPPoint(z=np.array([1.0, 0.0])), "planted")]
-"""
-    (tmp_path / "wrong.py").write_text(text)
-    told = cpbench(tmp_path, "check", "wrong.py", "--quiet", rc=1).stdout
-    parts = {part.split()[1]: failed(part) for part in re.split(r"^(?=\w)", told, flags=re.MULTILINE) if part}
-    assert parts.keys() == {*CAUGHT, "right"}
-    assert {name: parts[name].get(check, "") != "" for name, check in CAUGHT.items()} == dict.fromkeys(CAUGHT, True)
-    assert parts["right"] == {}
 
 
 @pytest.mark.nightly
@@ -447,32 +413,10 @@ def test_a_plugin_that_does_not_load_says_so_in_one_line(
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("import nothing_of_this_name", "p.py: line 1: ModuleNotFoundError"),
-        pytest.param(
-            "import os\nos._exit(3)",
-            "ends the process that loads it (exited with code 3)",
-            marks=pytest.mark.nightly,
-        ),
-    ],
-)
-def test_a_plugin_that_does_not_load_is_bad_input(tmp_path: Path, text: str, word: str) -> None:
-    (tmp_path / "p.py").write_text(text)
-    assert word in one_line(tmp_path, "check", "p.py")
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_an_unknown_name_cannot_be_checked() -> None:
     with pytest.raises(UnknownName, match="did you mean lemke"):
         conduct.named("lemkee")
-
-
-@pytest.mark.nightly
-def test_what_is_registered_is_checked_by_its_name(tmp_path: Path) -> None:
-    told = cpbench(tmp_path, "check", "lcp-avi").stdout
-    assert told.startswith("conversion lcp-avi (lcp -> avi)")
 
 
 # -------------------------------------------------------------------------------------------------- --plugin

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 import struct
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from damage import read_or_refused, rearranged
-from drawn_cases import draw
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiers import by_night, some_by_day
+from tiers import some_by_day
 
 import cpbench
 from cpbench import storage
@@ -40,15 +37,6 @@ def written(problem: Any, tmp_path: Path, kind: str = "nl") -> Path:
 
 
 # ------------------------------------------------------------------------------------------- there and back
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("address", some_by_day(BUILTIN, 20), ids=lambda address: Path(address).name)
-def test_a_builtin_problem_comes_back_bit_for_bit(address: str, kind: str, tmp_path: Path) -> None:
-    problem = storage.load(address)
-    again = storage.load(written(problem, tmp_path, kind))
-    assert (again.node, again.name, again.fingerprint) == (problem.node, problem.name, problem.fingerprint)
-    assert problem.node != "nlp" or again.convex == problem.convex  # type: ignore[attr-defined]
 
 
 @st.composite
@@ -333,49 +321,8 @@ def _one_line(refusal: FormatError) -> str:
     return line
 
 
-def test_no_beginning_of_a_file_is_a_problem(tmp_path: Path) -> None:
-    problem = load(tmp_path, GOOD)
-    for kind in FORMATS:
-        content = written(problem, tmp_path, kind).read_bytes()
-        for end in range(1, len(content)):
-            with pytest.raises(FormatError):
-                load(tmp_path, content[:end])
-
-
 def test_depth_ends_in_no_error_of_python(tmp_path: Path) -> None:
     deep = ["o41"] * 100_000
     assert load(tmp_path, text("C0", *deep, "v0", "r", "4 0", "b", "3", "3", "J0 1", "0 0", jacobian=1)).node == "nlp"
     with pytest.raises(FormatError, match="ends here, in the middle of an expression"):
         load(tmp_path, text("C0", *deep, jacobian=1))
-
-
-def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
-    with open(tmp_path / "p.nl", "wb") as file:
-        file.write(GOOD.encode())
-        file.truncate(1 << 33)
-    with pytest.raises(FormatError, match="has 8590 MB, at most 268 are read"):
-        storage.load(tmp_path / "p.nl")
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("seed", [0, *by_night(range(1, 60))])
-def test_damaged_files_are_refused_or_come_back(
-    seed: int, kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """What is still read is written and read again as the same problem: nothing of it depends on what was damaged."""
-    caplog.set_level("ERROR")
-    draw_ = random.Random(seed)
-    sources = [written(draw(node, seed + 1, 3).problem, tmp_path, kind).read_bytes() for node in NODES]
-    sources.append(written(load(tmp_path, GOOD), tmp_path, kind).read_bytes())
-    accepted = 0
-    for _ in range(150):
-        content = draw_.choice(sources).decode("latin-1")
-        damaged = rearranged(content, draw_, (r"(?<=\n)", r"(?s)(?=.)"), "0123456789.-eonvCJrbkx \n\x00\xff")
-        problem = read_or_refused(lambda damaged=damaged: load(tmp_path, damaged.encode("latin-1")))
-        if problem is None:
-            continue
-        accepted += 1
-        if problem.node in NODES:
-            again = storage.load(written(problem, tmp_path, kind))
-            assert (again.node, again.fingerprint) == (problem.node, problem.fingerprint)
-    assert accepted > 5

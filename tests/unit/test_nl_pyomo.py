@@ -31,13 +31,6 @@ def model(build: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 @model
-def quadratic(m: Any) -> None:
-    m.x = pyo.Var(range(3), bounds=(0, None), initialize=0.5)
-    m.o = pyo.Objective(expr=9 - 8 * m.x[0] - 6 * m.x[1] - 4 * m.x[2] + 2 * m.x[0] ** 2 + 2 * m.x[0] * m.x[1])
-    m.c = pyo.Constraint(expr=m.x[0] + m.x[1] + 2 * m.x[2] <= 3)
-
-
-@model
 def linear_maximum(m: Any) -> None:
     m.x = pyo.Var(range(4), bounds=(-1, 2))
     m.o = pyo.Objective(expr=sum((k + 1) * m.x[k] for k in range(4)) + 5, sense=pyo.maximize)
@@ -83,14 +76,6 @@ def choice(m: Any) -> None:
 
 
 @model
-def fractions(m: Any) -> None:
-    m.x = pyo.Var(range(1, 4), bounds=(0.1, 10), initialize=1.0)
-    m.p = pyo.Param(initialize=2.5, mutable=True)
-    m.o = pyo.Objective(expr=m.p * m.x[1] / (m.x[2] + m.x[3]) - (m.x[1] - m.x[2]) ** 4)
-    m.c = pyo.Constraint(expr=1 / m.x[1] + 2 / m.x[2] <= m.p)
-
-
-@model
 def fixed(m: Any) -> None:
     """A fixed variable, which Pyomo leaves out, and a constraint with numbers on both sides."""
     m.x = pyo.Var(range(3), initialize=2.0)
@@ -104,15 +89,6 @@ def without_objective(m: Any) -> None:
     m.x = pyo.Var(range(2), initialize=1.0)
     m.c = pyo.Constraint(expr=m.x[0] ** 2 + m.x[1] ** 2 == 1)
     m.d = pyo.Constraint(expr=m.x[0] - m.x[1] == 0)
-
-
-@model
-def unbounded_sum(m: Any) -> None:
-    m.x = pyo.Var(range(40), bounds=(-2, None), initialize=0.1)
-    m.o = pyo.Objective(expr=sum((m.x[k] - m.x[k + 1]) ** 2 * (1 + k) + pyo.cos(m.x[k]) for k in range(39)))
-    m.c = pyo.ConstraintList()
-    for k in range(0, 39, 7):
-        m.c.add(m.x[k] * m.x[k + 1] - 2 * m.x[39 - k] <= k)
 
 
 def written(m: Any, tmp_path: Path) -> Path:

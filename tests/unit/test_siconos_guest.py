@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Mapping
@@ -72,20 +71,6 @@ def test_a_problem_that_kills_is_the_last_of_its_process_alone() -> None:
         assert end.value.code == -signal.SIGABRT
 
 
-@pytest.mark.nightly
-def test_loading_again_and_again_takes_no_memory() -> None:
-    """Every problem has a child of the guest: nothing of it stays."""
-    solver = solvers.get("siconos-lcp-lemke")
-    problem, _ = planted.lcp(np.random.default_rng(0), 600, "positive definite")
-    sizes = []
-    for _ in range(8):
-        solver.hand_over(problem)
-        family = psutil.Process(os.getpid()).children(recursive=True)
-        sizes.append(sum(p.memory_info().rss for p in family if "SICONOS_LCP_LEMKE" in p.cmdline()))
-    assert sizes[-1] < sizes[1] + 4e6
-    solver.close()
-
-
 def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> None:
     """The child in which the guest holds a problem is no process left behind, and what it uses is charged."""
     name, started = "siconos-fc3d-nsgs", list[tuple[str, str]]()
@@ -113,15 +98,6 @@ def test_tolerance_and_bound_are_always_set() -> None:
     assert stopping(SiconosContact.test, 1e-4, 1e-2).settings == {NAME: 1e-4}  # its own default
     assert limit(Budget(), Bound.NEWTON) == 1000
     assert limit(Budget(iterations=7), Bound.SWEEPS) == 7
-
-
-def test_names_are_one_each_and_few_run_by_default() -> None:
-    constants = [(s.row.constant, s.row.inner) for s in TABLES]
-    assert len(set(constants)) == len(constants) == 88
-    assert sum(s.spec.by_default for s in TABLES) == 15
-    known = siconos.about(siconos.interpreter())["constants"]
-    assert {constant for constant, _ in constants} <= set(known)
-    assert {inner for _, inner in constants if inner} <= set(known)
 
 
 def test_one_probe_for_the_whole_family(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from tiers import some_by_day
 
 from cpbench.conversions.base import conversions
 from cpbench.errors import Ended, FormatError
-from cpbench.formulations import NCP, VI, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations import NCP, VI, MiCP
 from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.foundation.cones import Cone
@@ -251,22 +251,6 @@ def test_a_function_that_fails_is_no_answer(solver: str, which: str, tmp_path: P
     assert calls == 1
 
 
-@pytest.mark.parametrize(
-    ("solver", "collection", "name", "start"),
-    [
-        ("siconos-mcp-newton-min-fb", "walras", "cobb-douglas-4-3", None),
-        ("siconos-mcp-old-fb", "ncp-classics", "kojima-shindo", MCPLIB_STARTS[3]),
-    ],
-)
-def test_false_claims_are_passed_on_and_not_believed(solver: str, collection: str, name: str, start: Any) -> None:
-    """Siconos' lies: info 0 at z = 0 where F is not a number, and an error taken of no row at all."""
-    given = conversions.get("ncp-micp")().apply(problem(collection, name))[0]
-    output = run(solver, given, start)
-    assert output.claim is Claim.SOLVED
-    assert "info 0, Siconos' own error 0.0e+00" in output.message
-    assert not judge(given, output.point, 1e-3).solved
-
-
 def test_where_f_is_no_number_newton_fails() -> None:
     given = problem("nash-cournot", "nash-cournot-100")
     output = run("siconos-ncp-newton-fb", given)
@@ -309,11 +293,3 @@ def test_what_siconos_cannot_hold_is_refused_before_the_solve() -> None:
     assert "1 rows" in str(solvers.get("siconos-vi-eg").obstacle(rows))
     n = siconos_families.LARGEST + 1
     assert f"n = {n}" in str(solvers.get("siconos-ncp-newton-fb").obstacle(NCP(F=graph(n, lambda z: z))))
-
-
-def test_answers_are_points_of_their_node() -> None:
-    assert isinstance(run("siconos-ncp-newton-fb", problem("ncp-classics", "josephy")).point, NCPPoint)
-    both = MiCP(F=graph(1, lambda z: z - 0.25), lb=[0.0], ub=[1.0])
-    output = run("siconos-vi-box-qi", both)
-    assert isinstance(output.point, MiCPPoint)
-    assert output.point.z[0] == pytest.approx(0.25)

@@ -76,18 +76,6 @@ def test_a_sequence_in_two_calls_keeps_its_ids(tmp_path: Path) -> None:
     assert last.sequence.step == 2
 
 
-def test_no_contacts_are_an_empty_problem() -> None:
-    model, data = mujoco_state()
-    data.qpos[2] = 3.0
-    mujoco = pytest.importorskip("mujoco")
-    mujoco.mj_forward(model, data)
-    assert cpbench.from_mujoco(model, data).nc == 0
-
-
-def test_contacts_without_friction_have_none() -> None:
-    assert cpbench.from_mujoco(*mujoco_state(condim=1)).mu.tolist() == [0.0] * 4
-
-
 HINGE = """<body pos="1 0 1"><joint type="hinge" axis="0 1 0" range="10 20" limited="true"/>
   <geom type="sphere" size="0.1" contype="0" conaffinity="0"/></body>"""
 
@@ -149,11 +137,3 @@ def test_sizes_of_pinocchio_are_checked() -> None:
     model, data, geometry, found, q = pinocchio_state(0.0999)
     with pytest.raises(ProblemError, match=r"pinocchio\.v: has shape \(5,\), expected \(6,\)"):
         cpbench.from_pinocchio(model, data, geometry, found, q, np.zeros(5), mu=MU, dt=DT)
-
-
-def test_w_of_a_global_problem_is_zero_by_default() -> None:
-    """w is 0 where it is left out."""
-    parts = {"M": np.eye(2), "H": np.eye(2), "f": [1.0, 0.0], "mu": [0.5], "dimension": 2}
-    problem = cpbench.GlobalFrictionContact(**parts)
-    assert problem.w.tolist() == [0.0, 0.0]
-    assert problem.fingerprint == cpbench.GlobalFrictionContact(**parts, w=np.zeros(2)).fingerprint
