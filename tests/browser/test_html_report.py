@@ -193,15 +193,6 @@ def test_pairs_are_found_by_name_and_verdict(rows: pd.DataFrame, written: Path, 
     assert page.locator("#pair-list tbody tr").count() == len(wanted) > 0
 
 
-def test_a_click_on_a_heading_sorts_its_table(written: Path, opened: Opened) -> None:
-    page = opened(written)
-    claims = page.locator("#claims table").last
-    claims.locator("th button", has_text="claims made").click()
-    made = [int(text) for text in claims.locator("tbody td:nth-child(2)").all_inner_texts()]
-    assert made == sorted(made)
-    assert len(set(made)) > 1
-
-
 def test_names_from_the_results_stay_text(written: Path, opened: Opened) -> None:
     page = opened(written)
     scripts = page.evaluate("document.querySelectorAll('script:not(#data)').length")

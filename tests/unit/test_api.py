@@ -86,11 +86,6 @@ def test_a_solver_of_another_formulation_is_reached_and_its_answer_carried_back(
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_solver_is_chosen_where_none_is_named() -> None:
-    assert cpbench.solve(LCP).solver == "auto-lcp"
-
-
-@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("node", ["equation", "nfc"])
 def test_a_formulation_without_an_automatic_choice_gets_a_solver_of_its_own(node: str) -> None:
     from cpbench.bench.planning.plan import nearest_automatic
@@ -175,20 +170,6 @@ def test_no_problem_and_no_limits_are_refused() -> None:
         cpbench.solve(LCP, "lemke", tolerance=0.0)
 
 
-@pytest.mark.needs("cpbench_solvers")
-def test_a_conversion_lifts_what_it_is_given() -> None:
-    qp = cpbench.convert(LCP, "qp")
-    assert qp.problem.node == "qp"
-    assert qp.kind.exact
-    solution = cpbench.solve(qp.problem, "dual-active-set")
-    for answer in (solution, solution.point, solution.x):
-        lifted = qp.lift(answer)
-        assert cpbench.verify(LCP, lifted, tolerance=1e-9).solved
-    with pytest.raises(PointError):
-        qp.lift([1.0])
-    assert cpbench.convert(LCP, via="lcp-ncp").problem.node == "ncp"
-
-
 def test_answers_from_anywhere_are_measured() -> None:
     assert cpbench.verify(LCP, EXACT).solved
     assert not cpbench.verify(LCP, EXACT + 1e-3).solved
@@ -197,34 +178,12 @@ def test_answers_from_anywhere_are_measured() -> None:
         cpbench.verify(LCP, [1.0])
 
 
-def test_built_in_problems_are_loaded_by_their_names() -> None:
-    one = cpbench.load("builtin/lcp/american-put.h5::american-put-100")
-    assert (one.name, one.sizes()) == ("american-put-100", {"n": 100})
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_solvers_are_listed_by_formulation() -> None:
-    names = [spec.name for spec in cpbench.list_solvers("lcp")]
-    assert "lemke" in names
-    assert "nsgs" not in names
-    assert set(names) <= {spec.name for spec in cpbench.list_solvers("lcp", available=False)}
-    with pytest.raises(UnknownName):
-        cpbench.list_solvers("lpc")
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_a_notebook_shows_law_and_verdict() -> None:
     assert "0 ≤ z ⟂" in str(LCP._repr_html_())
     shown = cpbench.solve(LCP, "lemke")._repr_html_()
     assert "two: solved" in shown
     assert "measured" in shown
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_markup_in_a_name_is_text() -> None:
-    named = formulations.LCP(M=[[1.0]], q=[-1.0], name="<script>alert(1)</script>")
-    for shown in (named._repr_html_(), cpbench.solve(named, "lemke")._repr_html_()):
-        assert "<script>" not in str(shown)
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -26,7 +26,6 @@ ACTION = ROOT / ".github/actions/compare/action.yml"
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 SCRIPT = ROOT / "cpbench/testing/templates/ci/shell/compare.sh"
 TOY = ROOT / "tests/ci_toy"
-COMPILER = shutil.which("c++") or shutil.which("g++")
 ENV = {
     "CPBENCH_PLUGINS": "",
     "CPBENCH_SOLVERS": "",
@@ -152,17 +151,6 @@ def test_our_workflow_tests_compares_builds_the_pages_and_writes_nothing_back() 
     assert plan_file.read(ROOT / ".ci/compare.toml").top["problems"]
 
 
-def test_expressions_are_read_as_github_reads_them() -> None:
-    contexts = {"github": {"base_ref": "main", "event": {"before": "abc"}}, "inputs": {"base": "", "fail-on": "it's"}}
-    base = load(ACTION)["runs"]["steps"][2]["env"]["BASE"].strip("${} ")
-    assert evaluate(base, contexts) == "origin/main"
-    assert evaluate(base, {**contexts, "inputs": {"base": "v1"}}) == "v1"
-    assert evaluate(base, {**contexts, "github": {"base_ref": "", "event": {"before": "abc"}}}) == "abc"
-    assert evaluate("inputs.fail-on == 'it''s' && inputs.nothing == ''", contexts) is True
-    assert evaluate("always() && github.event.number != '3'", contexts, ok=False) is True
-    assert evaluate("github.base_ref == 'main'", contexts, ok=False) is False
-
-
 # ---------------------------------------------------------------------------------------------- what is written
 
 
@@ -200,16 +188,6 @@ def test_new_ci_refuses_in_one_line(tmp_path: Path, words: tuple[str, ...], told
     assert told in said
     assert said.count("\n") == 1
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.nightly
-def test_the_install_step_installs_the_version_that_the_action_is_part_of(tmp_path: Path) -> None:
-    step = load(ACTION)["runs"]["steps"][1]
-    command = step["run"].replace("pip install", "pip install --no-deps --target there")  # this Python stays as it is
-    assert command != step["run"]
-    run(tmp_path, "bash", "-c", command, GITHUB_ACTION_PATH=str(ACTION.parent), WANTED="")
-    assert (tmp_path / "there/cpbench/testing/templates/ci/shell/compare.sh").read_text() == SCRIPT.read_text()
-    assert (tmp_path / "there/cpbench/testing/templates/ci/github/cpbench.yml.in").is_file()
 
 
 # --------------------------------------------------------------------------------- builds, and what is said of them
@@ -271,26 +249,6 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
             check=False,
         )
         assert (again.returncode, "by mine@head" in again.stdout, "wrong" in again.stdout) == (1, True, True), again
-
-
-@pytest.mark.nightly
-def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
-    if COMPILER is None:
-        pytest.skip("needs a program: a C++ compiler, apt-get install g++")
-    run(toy, "cpbench", "new", "solver", "prog", "--lang", "cpp", "-o", "src")
-    (toy / ".gitignore").write_text("/src/prog\n/cpbench-compare\n")
-    commit(toy, "a program")
-    run(toy, "git", "branch", "before")
-    source = toy / "src/prog.cpp"
-    source.write_text(source.read_text().replace("left > request.tolerance &&", "left > 1e-2 &&"))
-    source.write_text(source.read_text().replace('left <= request.tolerance ? "solved"', 'left <= 1e-2 ? "solved"'))
-    commit(toy, "stops early")
-    words = ("--solver", "src/prog.toml", "--build", "make -s -C src", "--base", "before", "--repeats", "1")
-    said = script(toy, *words, "--problems", FAST["problems"], "--fail-on", "crash")  # which it does not
-    assert "solved → wrong" in said.stdout
-    verdict = json.loads((toy / "cpbench-compare/prog.json").read_text())
-    assert verdict["verdict"] == "regressed"
-    assert run(toy, "git", "status", "--short").stdout == ""
 
 
 PSOR = f"""[solver.psor]
@@ -407,9 +365,3 @@ def test_bad_input_ends_with_2_and_a_reason(toy: Path, words: tuple[str, ...], t
     assert said.stdout == ""
     assert not (toy / "cpbench-compare").exists()
     assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
-
-
-@pytest.mark.nightly
-def test_a_budget_in_which_nothing_can_be_solved(toy: Path) -> None:
-    said = script(toy, "--solver", "mine.py", "--base", "main", "--problems", "problems", "--budget", "0.1s", rc=2)
-    assert "the budget of 0.1s was used up before the first solve" in said.stderr.splitlines()[-1]

@@ -21,7 +21,7 @@ from cpbench.formulations import LCP
 from cpbench.generators import generators
 from cpbench.generators.base import LARGE, SMALL, STANDARD
 from cpbench.generators.collection import PROOFS, TIER_SHEETS, builtin_folder, catalogue, identity, write_collections
-from cpbench.generators.descriptions import describe, entries, pattern_of
+from cpbench.generators.descriptions import entries, pattern_of
 
 ENTRIES = catalogue()
 
@@ -33,16 +33,6 @@ def test_every_problem_is_described_and_every_description_is_used() -> None:
     large = {pattern_of(c.name, "") for c in generators if c.tier == LARGE}
     used = {pattern_of(entry.family, entry.name) for entry in ENTRIES} | large
     assert {pattern for pattern in entries() if not pattern.startswith("free-boundaries-huge")} <= used
-
-
-def test_a_description_has_the_sizes_of_its_problem() -> None:
-    for address in ("lcp-classics/murty-100", "lcp-classics/fathi-10"):
-        family, name = address.split("/")
-        (entry,) = [e for e in ENTRIES if (e.family, e.name) == (family, name)]
-        assert f" {entry.unknowns} rows" in entry.description
-    assert describe("nobody", "nothing", {}).sentences == ""
-    with pytest.raises(KeyError, match="'n'"):
-        describe("lcp-classics", "murty-10", {})
 
 
 def test_the_licence_of_the_problems_is_that_of_the_data() -> None:

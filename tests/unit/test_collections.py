@@ -111,12 +111,6 @@ def test_an_absent_collection_ends_with_where_its_files_go(source: Path, tmp_pat
         located("collection/fclib::name", Path)
 
 
-def test_a_folder_that_is_called_collection_is_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "collection" / "mine").mkdir(parents=True)
-    assert located("collection/mine", Path) == "collection/mine"
-
-
 def test_every_manifest_is_complete() -> None:
     formats = {one.name for one in storage.formats}
     for one in map(manifests.manifest, manifests.names()):
@@ -150,11 +144,3 @@ def test_real_files_are_verified_and_read(name: str, shared_data: Path, tmp_path
     problem = storage.load(place)
     assert problem.fingerprint == chosen.load(Path(place), "").fingerprint
     assert problem.node in one.formulation.split(", ")
-
-
-def test_what_is_listed_and_what_is_there(source: Path, tmp_path: Path) -> None:
-    done = cpbench(tmp_path, "collection", "list")
-    assert done.returncode == 0
-    assert "partial: 97 of 138 files listed" in done.stdout
-    done = cpbench(tmp_path, "collection", "verify")
-    assert done.stdout.count("not there; put the files of") == len(manifests.names())

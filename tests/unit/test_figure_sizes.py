@@ -26,22 +26,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return results_file(tmp_path_factory.mktemp("results") / "r.sqlite", suite(12, 9))
 
 
-def drawn(results: Path, folder: Path, *options: str) -> tuple[float, float, str]:
-    """Width and height [in] of a profile, and its words."""
-    path = folder / "f.svg"
-    found = CliRunner().invoke(plot, ["profile", str(results), "-o", str(path), *options], catch_exceptions=False)
-    assert found.exit_code == 0, found.output
-    root = ElementTree.parse(path).getroot()
-    width, height = (float(root.attrib[name].removesuffix("pt")) / 72 for name in ("width", "height"))
-    return width, height, path.read_text()
-
-
-def test_a_figure_is_as_wide_and_as_high_as_asked(results: Path, tmp_path: Path) -> None:
-    assert drawn(results, tmp_path, "--bare")[0] == pytest.approx(7.0)
-    asked = ("--bare", "--width", "89mm", "--height", "2.2in")
-    assert drawn(results, tmp_path, *asked)[:2] == pytest.approx((89 / 25.4, 2.2))
-
-
 def test_a_figure_for_a_column_gives_the_plot_the_room(results: Path, tmp_path: Path) -> None:
     """The axes take 65 % of the area without the title, their labels nine tenths; no word is outside; the explanation
     is printed for the caption; the title says tolerance and start."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from cpbench.bench.messages import JudgeHistory, Recorded, RefereeCase
 from cpbench.bench.planning import plan
 from cpbench.bench.referee import Referee
 from cpbench.bench.slot import Slot
-from cpbench.errors import PointError, StoreError
+from cpbench.errors import PointError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.verification import judge
@@ -84,17 +83,6 @@ def test_the_kept_iterates_lie_apart_by_a_factor(clock: Clock, step: float) -> N
     np.testing.assert_allclose(found["residual"][:-1], 1.0 / (found["iteration"][:-1] + 1))
 
 
-def test_few_iterates_are_all_kept_and_the_answer_is_last(clock: Clock) -> None:
-    recorder = IterateRecorder()
-    for k in range(20):
-        recorder(k, 1.0, lambda k=k: _point(float(k)))
-        clock.now += 1e-7
-    _, found = _finish(recorder, 20)
-    assert found["iteration"].tolist() == list(range(21))
-    assert found["iterates"].tolist() == [*range(20), -1.0]
-    assert math.isnan(found["residual"][-1])
-
-
 def test_the_clock_stands_while_an_iterate_is_kept(clock: Clock) -> None:
     def slow() -> LCPPoint:
         clock.now += 5.0
@@ -123,27 +111,6 @@ def test_a_solve_that_ended_earlier_would_have_had_to_conclude_too(clock: Clock)
         times[claim] = _finish(recorder, claim=claim)[1]["time"].tolist()
     assert times[Claim.SOLVED] == [1.5, 2.5, 3.5, 3.5]
     assert times[Claim.FAILED] == [0.0, 1.0, 2.0, 3.5]  # what it did in the end is not known
-
-
-def test_large_iterates_are_fewer() -> None:
-    class Counts(Solver):
-        """Records its own steps."""
-
-        spec = SolverSpec(name="counts", node="lcp", summary="", method="")
-
-        def solve(self, prepared: Any, budget: Any, options: Any, start: Any = None, record: Any = None) -> Any:
-            for k in range(100):
-                record(k, 1.0, lambda: LCPPoint(z=np.zeros(prepared.q.size)))
-            return SolverOutput(claim=Claim.FAILED)
-
-    n = int(histories.BYTES / 8 / 10)
-    large: Any = SimpleNamespace(q=np.zeros(n), point_sizes={"z": n})
-    header = recorded(Counts(), large, Budget(), None, None)
-    assert histories.LEAST <= header.count <= 10
-    assert header.vectors["iterates"].size == header.count * n
-    larger: Any = SimpleNamespace(q=np.zeros(3), point_sizes={"z": 10 * int(histories.BYTES)})
-    header = recorded(Counts(), larger, Budget(), None, None)
-    assert header.count <= histories.LEAST
 
 
 # ------------------------------------------------------------------------------------------------------ judging
@@ -268,31 +235,6 @@ def test_cut_anywhere_the_judged_iterates_are_spread(count: int) -> None:
 
 
 # ------------------------------------------------------------------------------------------- storage
-
-
-def test_packed_and_unpacked() -> None:
-    history = History(
-        time=np.array([0.5, 1.0]),
-        iteration=np.array([0.0, 9.0]),
-        residual=np.array([1.0, math.nan]),
-        error=np.array([math.inf, 1e-9]),
-        flags=("", "stationary,direction"),
-        solve=1.25,
-        cost=0.125,
-        calls=9,
-    )
-    blob = history.pack()
-    again = History.unpack(blob)
-    for name in histories.STORED:
-        np.testing.assert_array_equal(getattr(again, name), getattr(history, name))
-    assert (again.flags, again.solve, again.cost, again.calls) == (history.flags, 1.25, 0.125, 9)
-    for broken in (b"", blob[:-9], blob[9:], b"x" * 40):
-        with pytest.raises(StoreError, match="history"):
-            History.unpack(broken)
-    found = histories.table([("k1", blob), ("k2", blob)])
-    assert found["key"].tolist() == ["k1", "k1", "k2", "k2"]
-    np.testing.assert_allclose(found["share"], [0.4, 0.8, 0.4, 0.8])
-    assert list(histories.table([]).columns) == list(found.columns)
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -82,13 +82,3 @@ def test_nonsymmetric_delassus(slot: Slot, shared_data: Path) -> None:
     assert row.claim == "solved"
     assert json.loads(row.parts)["energy"] <= 1e-8
     assert row.status in ("solved", "inaccurate")
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("solver", ["nsgs", "lemke"])
-def test_no_contact(slot: Slot, shared_data: Path, solver: str) -> None:
-    """A global problem without contacts has the free motion for its answer: v = M⁻¹f."""
-    path = shared_data / "fc2d_global" / "gfc2d_granularflowonwall_00000_00117.dat"
-    row = outcome(slot, path, solver, 1e-12)
-    assert row.status == "solved"
-    assert row.route.startswith("gfc-fc")

@@ -59,13 +59,6 @@ def test_a_publishable_report_shows_nothing_of_the_restricted(tmp_path: Path) ->
     assert "fastest" in told
 
 
-def test_no_note_is_printed_without_a_restriction(tmp_path: Path) -> None:
-    free = rows()[rows()["solver"] != "vendor"]
-    told = write_report(free, meta(solvers=sheets()), tmp_path, "T", publishable=True).read_text()
-    assert "estricted" not in told
-    assert "Left out" not in told
-
-
 def test_a_restricted_solver_that_was_never_started_restricts_nothing() -> None:
     never = table(row("p-1", "vendor", "unavailable", message="licence: expired"))
     assert restricted(never, sheets()) == {}

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from cpbench import graph
@@ -21,7 +20,6 @@ from cpbench.solvers import Budget, solvers
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec
 from cpbench_problems.scenes import motions, stepper
 from cpbench_problems.scenes.bodies import BodyScene, families
-from cpbench_problems.scenes.kinematics import rotations
 from cpbench_problems.scenes.simulation import LOCAL, NotSolved, Simulation, scene_of
 
 pytestmark = pytest.mark.needs("cpbench_solvers")
@@ -161,23 +159,6 @@ def test_joints_of_a_chain_drift_by_no_rounding_of_its_places() -> None:
         assert np.count_nonzero(drift) == 2
 
 
-@pytest.mark.parametrize("size", [10, 30])
-def test_the_first_step_of_a_chain_is_solved(size: int) -> None:
-    simulation = Simulation(scene_of("chain", size=size), tolerance=1e-6)
-    list(simulation.run(1))
-    assert simulation.missed == 0
-    assert simulation.error < 1e-6
-
-
-def test_fingers_hold_the_ball_and_let_it_fall() -> None:
-    """Three times the weight in all, so that μ = 1/3 decides."""
-    for mu, falls in ((0.36, False), (0.31, True)):
-        scene = scene_of("grasp", size=5, mu=mu)
-        last = made(scene, 5)[-1].state
-        assert (last.v[0, 2] < -1e-3) == falls
-        assert np.abs(last.x[1:, 2]).max() < 1e-9, "fingers do not sink"
-
-
 def test_a_thick_arch_stands_and_a_thin_one_opens() -> None:
     """Milankovitch 1907: thickness 0.1075 of the mean radius is the least; 0.16 and 0.08 here."""
     speeds = {}
@@ -212,31 +193,11 @@ def test_the_mass_ratio_is_that_of_the_bodies(name: str) -> None:
     assert mass.max() / mass.min() == pytest.approx(1e7, rel=1e-12)
 
 
-def test_rotations_are_scipys() -> None:
-    turns = np.random.default_rng(0).normal(size=(20, 3)) * np.logspace(-9, 0, 20)[:, None]
-    turns[0] = 0.0
-    np.testing.assert_allclose(rotations(turns), Rotation.from_rotvec(turns).as_matrix(), atol=4e-16)
-
-
 @pytest.mark.parametrize("make", motions.MOTIONS)
 def test_a_motion_follows_its_closed_form(make: Any) -> None:
     motion = make()
     last = made(motion.scene, motion.steps)[-1].state
     assert motion.error(last) < 2e-8
-
-
-def test_the_incline_is_that_of_the_literature() -> None:
-    """1.754866 m in 2 s at μ = 0.4 on a slope of atan 1/2, as in the incline of Newton's and DART's comparisons."""
-    motion = motions.incline()
-    assert motion.steps * motion.scene.dt == pytest.approx(2.0)
-    assert motion.exact[0] == pytest.approx(1.754866, abs=5e-7)
-
-
-def test_the_implicit_rule_moves_further_by_a_step() -> None:
-    """θ = 1 adds h a h/2 a step: (1 + 1/N) times the way."""
-    motion = motions.incline()
-    last = made(dataclasses.replace(motion.scene, theta=1.0), motion.steps)[-1].state
-    assert last.x[0, 0] == pytest.approx(motion.exact[0] * (1 + 1 / motion.steps), rel=1e-7)
 
 
 def test_the_rope_is_eytelweins_for_many_knots() -> None:
@@ -245,15 +206,6 @@ def test_the_rope_is_eytelweins_for_many_knots() -> None:
         scene = motions.rope_on_drum(60, 1.0, ratio * math.exp(motions.MU * math.pi))
         last = made(scene, 3)[-1].state
         assert (abs(last.v[0, 2]) > 1e-3) == moves
-
-
-def test_a_ball_bounces_by_newtons_law() -> None:
-    """It falls on the ground at 1 m/s and leaves it at e = 1/2 of that, less the gravity of one step at most."""
-    scene = motions.backspin().scene
-    start = dataclasses.replace(scene.start, x=np.array([[0.0, 0.0, 0.115]]), v=np.array([[0, 0, -1.0, 0, 0, 0]]))
-    bouncing = dataclasses.replace(scene, start=start, restitution=0.5, force=np.zeros((1, 6)))
-    steps = made(bouncing, 3)
-    assert [round(step.state.v[0, 2], 9) for step in steps] == [-1.0, 0.5, 0.5]
 
 
 def test_what_makes_no_scene_is_refused() -> None:

@@ -150,13 +150,6 @@ def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path
     assert rows["message"].str.contains("takes no starting point").all()
 
 
-@pytest.mark.nightly
-def test_a_problem_by_itself_has_no_step_before_it(scene: Path) -> None:
-    refused = cpbench(scene.parent, "solve", f"{scene}::step-003", "-s", "nsgs", "--start", "previous")
-    assert refused.returncode == 2
-    assert "cpbench run --start previous" in refused.stderr
-
-
 def _steps(address: str, count: int, **given: Any) -> list[Pair]:
     """Pairs that follow a scene, with as much of a problem as blocks look at."""
     base: dict[str, Any] = {"problem": "p", "node": "fc", "family": "", "sizes": {}, "request": plan.exact()}

@@ -156,13 +156,3 @@ def test_a_problem_is_shown_as_another(tmp_path: Path) -> None:
     assert "made by lcp-qp, (1), equivalent, from lcp" in said
     assert "Source" in said
     assert "Lift" in said
-
-
-def test_a_conversion_that_is_not_installed_is_named(tmp_path: Path) -> None:
-    import dataclasses
-
-    problem = make("lcp-mlcp").step(LCP(M=np.eye(1), q=[0.0]))
-    foreign = dataclasses.replace(problem.provenance[0], conversion="lcp-other")
-    problem = dataclasses.replace(problem, provenance=(foreign,))
-    assert "made by lcp-other, equivalent, from lcp" in show.text(problem)
-    assert "not installed" in show.text(problem)

@@ -16,10 +16,8 @@ from cpbench import storage
 from cpbench.analysis.contact_table import contact_table
 from cpbench.bench.planning import grids
 from cpbench.bench.planning.plan import all_automatic, nearest_automatic
-from cpbench.cli.answered import WORDS, status_text
-from cpbench.errors import CpbenchError, NoRoute
+from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact
-from cpbench.verification import Status
 
 
 def saved(folder: Path, problem: cpbench.LCP | QP | FrictionContact) -> str:
@@ -82,12 +80,6 @@ def test_every_choice_of_python_is_one_of_auto(node: str) -> None:
     assert {*own} & {*all_automatic()}
 
 
-def test_where_nothing_is_chosen_the_solvers_that_take_it_are_named() -> None:
-    problem = cpbench.load("builtin/nlp/hock-schittkowski-nonlinear.h5::hs71")
-    with pytest.raises(NoRoute, match="scipy-slsqp"):
-        cpbench.solve(problem)
-
-
 # --------------------------------------------------------------------------------------- the answer
 
 
@@ -109,35 +101,10 @@ def test_the_first_line_has_status_objective_and_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_limited_number_of_unknowns_is_shown(tmp_path: Path) -> None:
-    lcp = LCP(M=np.eye(50), q=-np.arange(50.0), name="many")
-    shown = command(tmp_path, "solve", saved(tmp_path, lcp)).stdout.splitlines()
-    assert len(shown) == 22
-    assert "30 more numbers" in shown[-1]
-    whole = command(tmp_path, "solve", "many.h5", "-v", "-o", "z.csv").stdout
-    assert re.search(r"^  z\[49\] = 49 ", whole, re.MULTILINE)
-    np.testing.assert_allclose(np.loadtxt(tmp_path / "z.csv"), np.arange(50.0), atol=1e-6)
-
-
-@pytest.mark.needs("cpbench_solvers")
 def test_a_proof_of_no_solution_has_words_and_an_exit_code(tmp_path: Path) -> None:
     done = command(tmp_path, "solve", saved(tmp_path, LCP(M=[[-1.0]], q=[-1.0], name="none")))
     assert "there is no solution: infeasible, proved" in first_line(done.stdout)
     assert done.returncode == 0
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_what_is_not_solved_names_the_command_that_explains_it(tmp_path: Path) -> None:
-    lcp = LCP(M=np.eye(3), q=-np.ones(3), name="stopped")
-    done = command(tmp_path, "solve", saved(tmp_path, lcp), "-s", "lemke[max_pivots=1]")
-    assert done.returncode == 1
-    assert "not solved" in first_line(done.stdout)
-    assert "cpbench explain stopped.h5 -s 'lemke[max_pivots=1]'" in done.stdout
-
-
-def test_every_status_has_words() -> None:
-    assert {*map(str, Status)} - {"not_run"} == {*map(str, WORDS)}
-    assert status_text("wrong", 0.25, 1e-6, None).endswith("error 0.25 (1e-06 asked for)")
 
 
 # --------------------------------------------------------------------------------------- contacts

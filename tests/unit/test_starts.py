@@ -79,10 +79,6 @@ def test_guesses_are_counted_from_one(text: str) -> None:
 # -------------------------------------------------------------------------------------------- cold and file
 
 
-def test_cold_is_no_start(planted_fc: Any, tmp_path: Path) -> None:
-    assert start_for(COLD, planted_fc[0], "no such file").point is None
-
-
 def test_the_first_guess_of_a_file(planted_fc: Any, tmp_path: Path) -> None:
     problem, point = planted_fc
     ones = FCPoint(r=np.ones(point.r.size))
@@ -102,12 +98,6 @@ def test_every_guess_of_a_file_can_be_environment(planted_fc: Any, tmp_path: Pat
     assert start_for(parse_start("file:3"), problem, address).description == "file:3: zeros"
     with pytest.raises(NotApplicable, match="start file:4: the file has 3 starting points, not 4"):
         start_for(parse_start("file:4"), problem, address)
-
-
-def test_a_guess_of_zeros_is_reported(planted_fc: Any, tmp_path: Path) -> None:
-    problem, point = planted_fc
-    address = kept(tmp_path, problem, point, problem.zero_point())
-    assert start_for(FILE, problem, address).description == "file: zeros"
 
 
 def test_a_member_of_a_pack_has_its_own_guess(planted_fc: Any, tmp_path: Path) -> None:
@@ -263,23 +253,3 @@ def test_what_keeps_no_starting_points_says_so(planted_fc: Any, tmp_path: Path, 
     problem, point = planted_fc
     storage.save(problem, tmp_path / "p.dat", guesses=[point, point])
     assert "keeps no starting points: 2 are left out" in caplog.text
-
-
-def test_the_start_of_a_model_is_one_of_its_file(tmp_path: Path) -> None:
-    """primal_start of MathOptFormat, which is the start of the problem; without one there is nothing to start from."""
-    import casadi as ca
-
-    from cpbench.formulations import NCP
-
-    z = ca.SX.sym("z", 2)
-    F = ca.vertcat(ca.exp(z[0]) - 2, z[1] ** 3 - z[0])
-    for given in ([0.5, 2.0], [0.0, 0.0]):
-        address = tmp_path / f"{given[0]}.mof.json"
-        storage.save(dataclasses.replace(NCP.from_casadi(z, F, {}), start=np.array(given)), address)
-        problem = storage.load(address)
-        if any(given):
-            got = start_for(parse_start("file"), problem, str(address))
-            assert got.point.z.tolist() == given
-        else:
-            with pytest.raises(NotApplicable, match="no starting point"):
-                start_for(parse_start("file"), problem, str(address))

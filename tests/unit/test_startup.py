@@ -17,8 +17,6 @@ from cpbench import storage
 from cpbench.formulations import LCP
 from cpbench.foundation import kernel_cache
 
-ROOT = Path(kernel_cache.__file__).parents[1]
-
 
 def _seconds(*arguments: str) -> float:
     """Return the processor time of an interpreter that may keep its bytecode [s]."""
@@ -110,17 +108,6 @@ def test_the_answer_and_the_report_of_a_run_load_what_they_need_only() -> None:
     assert _said(code) == "[]"
 
 
-@pytest.mark.needs("cpbench_solvers")
-def test_what_is_loaded_during_a_solve_is_not_in_its_time() -> None:
-    """Lemke's method ends in a ray here; the linear program that looks for a proof is imported then."""
-    code = (
-        "import sys, cpbench; lcp = cpbench.LCP(M=[[-1.0, 0.0], [0.0, -1.0]], q=[-1.0, -1.0]); "
-        "s = cpbench.solve(lcp); print(s.claim, 'scipy.optimize' in sys.modules); "
-        "import time; from cpbench.solvers import clock; print(s.time < (time.perf_counter() - clock.now()) / 5)"
-    )
-    assert _said(code).splitlines() == ["infeasible True", "True"]
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", some_by_day(["lemke", "lemke-mlcp", "clarabel", "siconos-lcp-lemke"], 1))
 def test_one_solver_is_found_without_importing_the_others(name: str) -> None:
@@ -189,10 +176,3 @@ def test_a_run_says_that_a_solver_compiles(tmp_path: Path) -> None:
         assert "\n1 pair: 1 solved\n" in done.stdout, done.stderr
         told.append("compiling" in done.stderr)
     assert told == [True, False]
-
-
-@pytest.mark.parametrize("command", some_by_day(["run", "solve"], 1))
-def test_what_tells_of_the_end_of_a_run_is_not_imported_at_its_beginning(command: str) -> None:
-    """Pandas takes longer to import than a small run to solve."""
-    code = f"import sys, cpbench.cli.{command}_command; print('pandas' in sys.modules, 'numba' in sys.modules)"
-    assert _said(code) == "False False"

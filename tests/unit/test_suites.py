@@ -14,7 +14,6 @@ import pytest
 from click.testing import CliRunner
 
 from cpbench import graph, storage
-from cpbench.analysis import ranking_sentence as ranking
 from cpbench.analysis.participation import lacking_lines, unreached_lines
 from cpbench.bench import skipped
 from cpbench.bench.planning import grids, run_plan
@@ -59,11 +58,6 @@ def test_the_quick_problems_are_of_the_core_and_of_a_size_that_matters() -> None
         taken = [e for e in map(entries.__getitem__, chosen) if e.node == node and e.unknowns >= SMALLEST]
         assert len(taken) == min(FEW, len([e for e in large if e.known not in ("infeasible", "unbounded")]))
         assert count == FEW or count == len([e for e in entries.values() if e.node == node])
-
-
-def test_the_formulations_of_the_core_have_enough_quick_problems_for_more_than_a_hint() -> None:
-    nodes = Counter(address.split("/")[1] for address in quick_problems(builtin_folder()))
-    assert min(nodes[node] for node in CORE) >= ranking.FEW
 
 
 def test_families_take_turns_nearest_to_the_middle_first() -> None:
@@ -218,10 +212,3 @@ def test_a_run_ends_with_the_answer_and_info_says_it_again(folder: Path) -> None
     named = _run("run", "p.h5", "-s", "mprgp", "--no-report", "-q")
     assert "2 pairs: 1 solved, 1 unsupported" in named
     assert "no route" not in named
-
-
-def test_info_of_results_takes_no_options(folder: Path) -> None:
-    Store(folder / "r.sqlite", create=True).close()
-    done = CliRunner().invoke(cli, ["info", "r.sqlite", "--format", "fclib"])
-    assert done.exit_code == 2
-    assert "a results file stands alone" in done.output

@@ -115,16 +115,6 @@ def test_the_force_turns_with_its_normal(rng: np.random.Generator) -> None:
     assert not got[~near, 1:].any(), "a normal that turned by more than a right angle says nothing of tangents"
 
 
-def test_plane_rolling_moments_follow_the_third_axis(rng: np.random.Generator) -> None:
-    F = frames(rng)
-    G = F.copy()
-    G[::3, 1:] *= -1.0  # seen from the other side: tangent and axis both turn over
-    r = rng.normal(size=3 * NC)
-    got = transfer(geometry(F), FCPoint(r=r), rolling(NC, geometry(G), 3)).point.r.reshape(-1, 3)
-    sign = np.where(np.arange(NC) % 3 == 0, -1.0, 1.0)[:, None]
-    np.testing.assert_allclose(got, r.reshape(-1, 3) * np.hstack([np.ones((NC, 1)), sign, sign]), atol=1e-15)
-
-
 def test_bodies_in_the_other_order(rng: np.random.Generator) -> None:
     """The normal turns over with the bodies: the force on each body stays."""
     F, r = frames(rng), rng.normal(size=3 * NC)
@@ -212,14 +202,6 @@ def test_without_ids_the_order_counts_and_a_changed_number_is_refused(rng: np.ra
     np.testing.assert_array_equal(transfer(None, LCPPoint(z=[1.0, 2.0]), lcp).point.z, [1.0, 2.0])
     with pytest.raises(NotApplicable, match="other unknowns"):
         transfer(None, LCPPoint(z=[1.0]), lcp)
-
-
-def test_no_contact_before_or_now(rng: np.random.Generator) -> None:
-    some, none = geometry(frames(rng)), geometry(np.zeros((0, 3, 3)))
-    assert transfer(some, FCPoint(r=np.ones(3 * NC)), local(0, none)).gone == NC
-    got = transfer(none, FCPoint(r=[]), local(NC, some))
-    assert got.new == NC
-    assert not got.point.r.any()
 
 
 def test_bad_geometry_is_refused(rng: np.random.Generator) -> None:
