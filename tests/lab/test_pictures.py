@@ -124,17 +124,6 @@ def test_the_contact_that_is_shown_rubs_most() -> None:
     assert work[most_rubbing(states)] == max(work) > 0
 
 
-def scene() -> tuple[FrictionContact, FCPoint]:
-    """Three contacts at known places with normals up: stick, slip, open."""
-    W = np.eye(9)
-    q = np.array([-2.0, 0, 0, -1, -3, 0, 1, 0, 0])
-    r = np.array([2.0, 0, 0, 1, 0.5, 0, 0, 0, 0])
-    frame = np.tile(np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), (3, 1, 1))
-    place = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0.5]])
-    contacts = Contacts(id=[0, 1, 2], bodies=[[0, 1]] * 3, position=place, frame=frame)
-    return FrictionContact(W=W, q=q, mu=np.full(3, 0.5), contacts=contacts, name="scene"), FCPoint(r=r)
-
-
 def test_a_disk_where_there_are_no_positions() -> None:
     problem, point = builtin("fc/contact-planted-3d.h5::full-rank-30")
     figure = drawn("contact", problem, point).figure

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.io import loadmat
 from tiers import by_night, some_by_day
 
+from cpbench import storage
 from cpbench.errors import Unavailable
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.solvers import Budget, Claim, Trait, solvers
@@ -236,35 +236,10 @@ MAROS_MESZAROS = {  # published optimal values (Maros and Mészáros 1999), the 
 }
 
 
-def read_maros_meszaros(path: Path) -> tuple[QP, float]:
-    """min ½xᵀPx + qᵀx + r, l ≤ Ax ≤ u, the last n rows of A being the identity (bounds); |1e20| is infinite."""
-    data = loadmat(path)
-    n = data["P"].shape[0]
-    # small integers are stored as unsigned bytes, which must not be negated as such
-    low, up = (np.ravel(data[key]).astype(float) for key in "lu")
-    low[low <= -1e20], up[up >= 1e20] = -np.inf, np.inf
-    A = sp.csr_array(data["A"], dtype=float)
-    assert abs(A[-n:] - sp.eye_array(n)).max() == 0
-    rows, lb, ub = A[:-n], low[-n:], up[-n:]
-    low, up = low[:-n], up[:-n]
-    equal = low == up
-    below, above = np.isfinite(low) & ~equal, np.isfinite(up) & ~equal
-    problem = QP.build(
-        Q=sp.csr_array(data["P"], dtype=float),
-        p=np.ravel(data["q"]).astype(float),
-        A=sp.csr_array(sp.vstack([rows[below], -rows[above]])),
-        b=np.concatenate([low[below], -up[above]]),
-        C=rows[equal],
-        d=low[equal],
-        lb=lb,
-        ub=ub,
-    )
-    return problem, float(data["r"].item())
-
-
 @pytest.mark.parametrize("name", some_by_day(MAROS_MESZAROS, 1))
 def test_maros_meszaros(backend: Any, name: str, shared_data: Path) -> None:
-    problem, constant = read_maros_meszaros(shared_data / "qp" / f"{name}.mat")
+    problem: Any = storage.load(shared_data / "qp" / f"{name}.mat")
+    constant = problem.info.properties.get("objective_offset", 0.0)
     if backend.obstacle(problem):
         return
     failure = backend.spec.known_failures.get(f"maros-meszaros-{name}")

@@ -1,6 +1,6 @@
 """Ours against theirs: on answers of solvers to real problems, where the verdict and each published measure disagree.
 
-python tests/truth/agreement.py --cache FOLDER [--seconds 3] [--budget 1200] [FOLDER_OF_DATA ...]
+python benchmarks/agreement.py --cache FOLDER [--seconds 3] [--budget 1200] [FOLDER_OF_DATA ...]
 
 Answers are kept in the cache, so that two versions of the verdict can be compared on the same ones. Others pass an
 answer where all their numbers are at most ε, PATH's each by itself. "Stricter" are answers that only they pass,
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import sys
 import time
 import warnings
 from collections import defaultdict
@@ -18,14 +19,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import kept_answers
 import numpy as np
-import real_files
 
 import cpbench
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import catalogue
 from cpbench.verification import judge_by_all
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "truth"))
+import kept_answers
+import real_files
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
 JUDGED = (1e-4, 1e-6)
