@@ -18,14 +18,6 @@ from cpbench_problems.generators import contact_nonlinear
 INSTANCES = {i.name: i for i in contact_nonlinear.build()}
 
 
-@pytest.mark.parametrize("name", INSTANCES)
-def test_planted_answers_solve_their_problems(name):
-    instance = INSTANCES[name]
-    assert instance.problem.residuals(instance.solution).error <= 1e-12
-    assert instance.known == "planted to rounding"
-    assert not instance.problem.F.compiled.affine
-
-
 def test_the_midpoint_rule_keeps_what_it_should():
     """Without contact and load a spinning body keeps its energy: ωᵀJω is the same after the step."""
     problem = contact_nonlinear.spinning(2).problem

@@ -16,7 +16,7 @@ from tiers import some_by_day
 from cpbench import solve as solve_one
 from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName
-from cpbench.formulations import AVI, LCP, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations import AVI, LCP, MiCP, MiCPPoint
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.ncp_functions import fischer_burmeister, minimum, penalized, smoothed
 from cpbench.foundation.cones import box_defect, project_box
@@ -24,7 +24,6 @@ from cpbench.generators.base import generators
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.verification import judge
-from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench_solvers.nonlinear.box_newton import Reformulation
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
@@ -64,20 +63,6 @@ def test_kojima_and_shindo_from_the_published_starts(name: str) -> None:
         assert micp.residuals(output.point).error <= 1e-10, start
         # there are two solutions, and residuals of 1e-12 hold z only to 1e-6 at the degenerate one
         assert min(np.abs(output.point.z - REGULAR).max(), np.abs(output.point.z - DEGENERATE).max()) <= 1e-5, start
-
-
-def test_the_degenerate_solution_is_distinguished() -> None:
-    """In the numbers of an answer, and in its active set: z₃ = F₃ = 0; the other solution has no such pair."""
-    ncp = next(i.problem for i in generators.get("ncp-classics").instances() if i.name == "kojima-shindo")
-    micp, told = problem("ncp-classics", "kojima-shindo"), {}
-    for start in MCPLIB_STARTS:
-        z = run("josephy-newton", micp, start).point.z
-        pairs = ncp.residuals(NCPPoint(z=z)).parts["degenerate_pairs"]
-        (first,) = active_set(ncp, NCPPoint(z=z), 1e-5)
-        (second,) = active_set(micp, MiCPPoint(z=z), 1e-5)
-        assert first.count(ActiveSide.NEITHER) == second.count(ActiveSide.NEITHER) == pairs
-        told[bool(np.abs(z - DEGENERATE).max() < 1e-3)] = pairs
-    assert told == {True: 1.0, False: 0.0}
 
 
 @pytest.mark.parametrize("name", some_by_day(SOLVERS, 40))

@@ -128,11 +128,6 @@ def test_files_of_named_arrays(tmp_path: Path, kind: str) -> None:
     assert problem.info.properties["form"] == "boxed LCP (A, b, lo, hi, findex)"
 
 
-def test_an_array_too_many_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="mu: is no array of the form boxed LCP"):
-        cpbench.load(write("npz", tmp_path, {**scene(1), "mu": np.ones(3)}))
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_a_boxed_problem_is_packed(tmp_path: Path) -> None:
     given = scene(2)

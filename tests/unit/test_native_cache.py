@@ -168,21 +168,6 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     assert found == [2.0, 1.0]
 
 
-@pytest.mark.nightly
-def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
-    path = tmp_path / "two.h5"
-    storage.save(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=[-1.0, -1.0], name="two"), path)
-    command = [sys.executable, "-m", "cpbench", "solve", str(path), "-s", "psor"]
-    environment = {**os.environ, cache.VARIABLE: str(tmp_path / "cache")}
-    first, second = (
-        subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)
-    )
-    assert first.stderr.startswith("psor: compiling")
-    assert len(first.stderr.splitlines()) == 1
-    assert second.stderr == ""
-    assert "solved" in first.stdout
-
-
 def problems(solver: Solver) -> Iterator[Problem]:
     """Of three sizes, dense by rows and by columns, and sparse."""
     for n in (1, 3, 70):

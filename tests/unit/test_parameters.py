@@ -51,13 +51,6 @@ def test_a_parameter_has_a_value_that_can_be_changed() -> None:
     assert pickle.loads(pickle.dumps(other)).parameters == {"nu": 5.0}
 
 
-def test_casadis_mx_have_them_too() -> None:
-    z, mu = ca.MX.sym("z", 2), ca.MX.sym("mu")
-    mixed = MiCP.from_casadi(z, ca.vertcat(z[0] * mu, z[1]), {"mu": 3.0}, lb=[0.0, 0.0], ub=[1.0, 1.0])
-    assert mixed.parameters == {"mu": 3.0}
-    assert mixed.F(AT).tolist() == [1.5, 2.0]
-
-
 @pytest.mark.parametrize("suffix", [".h5", ".mof.json"])
 @pytest.mark.parametrize("problem", [_ncp(), _ncp(0.5), _nlp()], ids=["ncp", "ncp-half", "nlp"])
 def test_a_file_keeps_them(problem: Problem, suffix: str, tmp_path: Path) -> None:
