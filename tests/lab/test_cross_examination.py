@@ -16,7 +16,6 @@ import cpbench as cp
 from cpbench.formulations.base import Problem
 from cpbench_lab.contradictions import forward_error
 from cpbench_lab.contradictions.answers import KeptAnswer, of_answers
-from cpbench_lab.contradictions.forward_error import apart
 from cpbench_lab.contradictions.optimality import meets_conditions
 
 PLANTED = Path(__file__).resolve().parents[1] / "broken" / "contradictory.py"
@@ -50,17 +49,6 @@ def test_each_planted_fault_is_a_contradiction(planted) -> None:
     }
     # z = (1, 2, 3) has ½zᵀQz − zᵀQz = −13, with terms 52 (Σ|p_i z_i| = 26, ½zᵀQz = 13, |f| = 13)
     assert found["always"].measured == pytest.approx(13 / 52)
-
-
-def test_they_come_before_the_ranking(planted) -> None:
-    folder, ended = planted
-    for text, first in (
-        (ended.stdout, "Which solver to use"),
-        ((folder / "reports" / "r" / "report.md").read_text(), "| solver |"),
-    ):
-        assert text.index("4 contradictions") < text.index("denier-lcp claim that it is infeasible") < text.index(first)
-    page = (folder / "reports" / "r" / "report.html").read_text()
-    assert page.index("4 contradictions") < page.index('id="charts"')
 
 
 def test_the_false_infeasible_is_a_false_claim(planted) -> None:
@@ -140,11 +128,6 @@ def test_what_answers_near_zero_are_off_by_is_not_compared(share: float, found: 
     assert kinds(program, answers([(0.0, y, 0.0, 1.0), (0.0, -y / 2, 0.0, 1.0)])) == found
 
 
-def test_a_program_that_is_not_convex_has_several_objectives() -> None:
-    program = cp.QP.build(Q=[[-1.0]], p=[0.0], lb=[-1.0], ub=[2.0])
-    assert kinds(program, answers([(-1.0, 1.0), (2.0, -2.0)])) == []
-
-
 @pytest.mark.parametrize(("share", "found"), [(0.9, []), (1.1, ["solution"])])
 def test_the_distance_that_an_h_matrix_allows(share: float, found: list[str]) -> None:
     """2z − 2 = 0: ⟨M⟩⁻¹ of 2z/2 is 1, the terms over the diagonal are 2 + δ: 10 ε (2 + 2 + δ) is allowed."""
@@ -208,14 +191,6 @@ def test_no_point_is_farther_from_the_solution_than_the_bound(family: str) -> No
         assert factor is not None
         near = max(near, distance / (factor * missed))
     assert 0.3 < near <= 1.0 + 1e-9
-
-
-def test_no_bound_is_known() -> None:
-    """A P-matrix that is neither definite nor an H-matrix; a matrix that is none."""
-    M = np.array([[1.0, 9.0], [-0.2, 1.0]])
-    assert apart(M, -M @ np.ones(2), np.ones(2), np.zeros(2), EPS) is None
-    M = np.array([[1.0, 3.0], [3.0, 1.0]])
-    assert apart(M, -M @ np.ones(2), np.ones(2), np.zeros(2), EPS) is None
 
 
 # --------------------------------------------------------------------------------------------------- verdicts

@@ -41,7 +41,7 @@ print(json.dumps(late))
 """
 
 
-@pytest.mark.parametrize("name", ["admm-rfc", "auto-coneqp", "lemke-mlcp", *some_by_day(NATIVE, 2)])
+@pytest.mark.parametrize("name", ["admm-rfc", *some_by_day(NATIVE, 2)])
 def test_no_loop_is_loaded_after_the_warm_up(name: str) -> None:
     command = [sys.executable, "-c", PROGRAM, name, str(ROOT / "problems")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

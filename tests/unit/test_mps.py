@@ -107,7 +107,7 @@ def objective(problem: Any, z: Any) -> float:
 
 
 @pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize(("seed", "suffix"), some_by_day([(s, e) for s in range(20) for e in (".mps", ".lp")], 12))
+@pytest.mark.parametrize(("seed", "suffix"), some_by_day([(s, e) for s in range(20) for e in (".mps", ".lp")], 6))
 def test_files_of_highs_have_its_optimum(seed: int, suffix: str, tmp_path: Path) -> None:
     """HiGHS writes and solves; we read, solve by our own method and have its objective, which at its own point is the
     same number."""

@@ -322,7 +322,7 @@ def _one_line(refusal: FormatError) -> str:
 
 
 def test_depth_ends_in_no_error_of_python(tmp_path: Path) -> None:
-    deep = ["o41"] * 100_000
+    deep = ["o41"] * 10_000
     assert load(tmp_path, text("C0", *deep, "v0", "r", "4 0", "b", "3", "3", "J0 1", "0 0", jacobian=1)).node == "nlp"
     with pytest.raises(FormatError, match="ends here, in the middle of an expression"):
         load(tmp_path, text("C0", *deep, jacobian=1))

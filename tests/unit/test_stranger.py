@@ -79,8 +79,6 @@ def test_a_command_of_a_package_is_listed_and_works(site: Path, tmp_path: Path) 
 
 
 def test_a_command_of_a_package_may_stand_in_a_group(site: Path, tmp_path: Path) -> None:
-    assert "count" not in {line.split()[0] for line in _cpbench(site, tmp_path, "--help").stdout.splitlines() if line}
-    assert "  count " in _cpbench(site, tmp_path, "results", "--help").stdout
     assert _cpbench(site, tmp_path, "results", "count", str(site / "three.h5")).stdout == "3\n"
     assert _cpbench(site, tmp_path, "count", str(site / "three.h5")).returncode == 2
 
