@@ -13,9 +13,7 @@ from command_line import cpbench as command
 from planted_causes import local, tower
 
 import cpbench as cp
-from cpbench.formulations import LCPPoint
 from cpbench.formulations.base import formulations
-from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.verification import Status
 from cpbench_lab.certificates.mixed import provable
 from cpbench_lab.diagnosis.attempts import Raw, SolverTrial, TrialOutcome, attempt
@@ -229,25 +227,3 @@ def test_formulations_with_certificates_are_those_offered(node: str) -> None:
         pytest.skip(f"no case of {node}")
     reason = cp.certify(problem, problem.zero_point(), seconds=5.0).reason
     assert reason.startswith("no proof is known") == (not provable(node))
-
-
-class OutOfIterations(Solver):
-    """Finds the answer of SLOW, whose z are both positive, and claims that iterations ran out before."""
-
-    spec = SolverSpec(name="out-of-iterations", node="lcp", summary="doubts its answer", method="none")
-
-    def solve(
-        self, prepared: cp.LCP, budget: Any, options: Any, start: Any | None = None, record: Any | None = None
-    ) -> SolverOutput:
-        return SolverOutput(claim=Claim.MAX_ITER, point=LCPPoint(z=np.linalg.solve(prepared.M, -prepared.q)))
-
-
-def test_a_claim_that_no_property_explains_has_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The claim comes from no arithmetic: a method that just misses its tolerance meets it with another rounding."""
-    monkeypatch.setitem(solvers._items, "out-of-iterations", OutOfIterations())
-    found = cp.diagnose(SLOW, "out-of-iterations", tolerance=1e-12)
-    first = next(found.lines())
-    assert not found.fails
-    assert found.cause is None
-    assert "its answer is right, the complaint may be its claim; no cause was" in first
-    assert found.remedy is not None

@@ -81,8 +81,6 @@ def test_joints_and_rolling_friction_have_their_formulations(tmp_path: Path) -> 
     ("given", "said"),
     [
         (("towr",), "unknown scene 'towr': did you mean tower"),
-        (("arch", "--size", "2"), "size: is 2: a scene arch has at least 3 stones"),
-        (("tower", "--mu", "-1"), "mu: is -1, expected a number of at least 0"),
         (("tower", "-s", "no-such"), "unknown solver 'no-such'"),
     ],
 )

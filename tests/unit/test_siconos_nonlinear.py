@@ -251,12 +251,6 @@ def test_a_function_that_fails_is_no_answer(solver: str, which: str, tmp_path: P
     assert calls == 1
 
 
-def test_where_f_is_no_number_newton_fails() -> None:
-    given = problem("nash-cournot", "nash-cournot-100")
-    output = run("siconos-ncp-newton-fb", given)
-    assert judge(given, output.point, 1e-8).solved == (output.claim is Claim.SOLVED)
-
-
 @pytest.mark.nightly
 def test_a_solver_that_does_not_end_is_killed_and_the_next_problem_is_solved() -> None:
     """A rotation, on which hyperplanes go on and on, with more iterations than anybody waits for."""

@@ -6,7 +6,6 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import planted
 import pytest
@@ -100,18 +99,6 @@ def test_every_guess_of_a_file_can_be_environment(planted_fc: Any, tmp_path: Pat
         start_for(parse_start("file:4"), problem, address)
 
 
-def test_a_member_of_a_pack_has_its_own_guess(planted_fc: Any, tmp_path: Path) -> None:
-    problem, point = planted_fc
-    storage.save_pack({"a": problem, "b": problem}, tmp_path / "pack.h5")
-    with h5py.File(tmp_path / "pack.h5", "r+") as file:
-        file["b/guesses/number_of_guesses"] = np.array([1], np.int32)
-        file["b/guesses/1/r"] = point.r
-    found = start_for(FILE, problem, f"{tmp_path}/pack.h5::b")
-    np.testing.assert_array_equal(found.point.r, point.r)
-    with pytest.raises(NotApplicable, match="start file: the file has no starting point"):
-        start_for(FILE, problem, f"{tmp_path}/pack.h5::a")
-
-
 def test_no_guess_is_no_cold_start(planted_fc: Any, tmp_path: Path, shared_data: Path) -> None:
     problem, point = planted_fc
     with pytest.raises(NotApplicable, match="the file has no starting point"):
@@ -124,15 +111,6 @@ def test_no_guess_is_no_cold_start(planted_fc: Any, tmp_path: Path, shared_data:
     )
     with pytest.raises(NotApplicable, match="is not finite"):
         start_for(FILE, problem, str(tmp_path / "nan.h5"))
-
-
-def test_a_guess_of_fclib_is_nearer_than_nothing(shared_data: Path, tmp_path: Path) -> None:
-    """The warm start that Siconos kept with Capsules-i125: error 1.1e-2, that of zeros is 1.6e-2."""
-    address = str(shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5")
-    problem = storage.load(address)
-    found = start_for(FILE, problem, address)
-    assert found.description == "file"
-    assert problem.residuals(found.point).error < 0.8 * problem.residuals(problem.zero_point()).error
 
 
 # --------------------------------------------------------------------------------------------- the step before
