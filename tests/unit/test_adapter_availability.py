@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,8 @@ ADAPTERS = sorted([*TABLE, "clarabel-relaxation"])
 
 @pytest.fixture(autouse=True)
 def _fresh_probe() -> Iterator[None]:
+    if find_spec("qpsolvers"):
+        import qpsolvers  # noqa: F401  it asks once what is there, which must not be while a test hides something
     probe.cache_clear()
     yield
     probe.cache_clear()
