@@ -74,9 +74,11 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
     A claim counts as `table.contradicted` says, a proof beside every answer that meets the tolerance.
     """
     proved = table["status"].isin(PROVEN)
-    claims = table["claim"].where(~proved, table["status"])
-    deniers = table[rows_of.contradicted(table) | proved]
-    met = table[table["status"].isin(MET_TOLERANCE) & table["fingerprint"].isin(deniers["fingerprint"])]
+    facts = table[["key", "label", "fingerprint", "problem"]].assign(
+        proved=proved, claim=table["claim"].where(~proved, table["status"])
+    )
+    deniers = facts[rows_of.contradicted(table) | proved]
+    met = facts[table["status"].isin(MET_TOLERANCE) & facts["fingerprint"].isin(deniers["fingerprint"])]
     answered = dict(list(met.groupby("fingerprint", sort=False)))
     for fingerprint, rows in deniers.groupby("fingerprint", sort=False):
         if fingerprint not in answered:
@@ -85,7 +87,7 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
             f"it is proved to be {what} (row of {named(own['label'])})"
             if by_proof
             else f"{named(own['label'])} claim{'s' if own['label'].nunique() == 1 else ''} that it is {what}"
-            for (by_proof, what), own in rows.groupby([proved[rows.index], claims[rows.index]], sort=True)
+            for (by_proof, what), own in rows.groupby(["proved", "claim"], sort=True)
         ]
         both = pd.concat([rows, answered[fingerprint]])
         labels = answered[fingerprint]["label"]

@@ -75,9 +75,9 @@ def hardest(table: pd.DataFrame, share: float = 0.25) -> pd.DataFrame:
     proved = started["status"].isin(PROVEN).groupby(key, sort=False).any()
     count = pd.DataFrame({"solved": solved.sum(), "started": solved.size()})
     count = count[(count["solved"] <= share * count["started"]) & ~(proved & (count["solved"] == 0))]
-    named = started.assign(name=rows_of.problem_names(started)).sort_values(["error", "label"], kind="stable")
-    columns = ["node", "fingerprint", "name", "family", "sizes", "address", "error", "label"]
-    closest = named[columns].drop_duplicates(["node", "fingerprint"])
+    facts = started[["node", "fingerprint", "family", "sizes", "address", "error", "label"]]
+    named = facts.assign(name=rows_of.problem_names(started)).sort_values(["error", "label"], kind="stable")
+    closest = named.drop_duplicates(["node", "fingerprint"])
     found = closest.merge(count.reset_index(), on=["node", "fingerprint"])
     order = found.assign(share=found["solved"] / found["started"], pairs=-found["started"])
     return order.sort_values(["share", "pairs", "node", "name"], ignore_index=True)

@@ -61,7 +61,7 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     times = first.unstack("level").reindex(index=pairs, columns=range(len(levels))).fillna(math.inf).cummin(axis=1)
     by_label = times.groupby(level=0, sort=True)
     found = pd.DataFrame(
-        {"reached": np.isfinite(times).groupby(level=0).sum().stack(), "seconds": by_label.median().stack()}
+        {"reached": (times < math.inf).groupby(level=0).sum().stack(), "seconds": by_label.median().stack()}
     )
     found = found.rename_axis(["label", "level"]).reset_index()
     found = found.assign(error=np.array(levels)[found["level"].to_numpy(dtype=int)])
