@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
@@ -30,25 +29,14 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
     (NaN without), `false` claims and how many of these are `disproved`: refuted, or far from the only solution.
     """
     rows = sought(table)
-    met = rows_of.met(rows)
-    lies = rows["status"].isin(FALSE_CLAIMS)
-    records: list[dict[str, object]] = []
-    for label, own in rows.groupby("label", sort=True):
-        good, bad = own[met[own.index]], own[lies[own.index]]
-        distances = good["distance"].dropna()
-        counts = {level: int((good["certainty"] == level).sum()) for level in LEVELS}
-        records.append(
-            {
-                "label": label,
-                "verified": len(good),
-                **counts,
-                "median": float(distances.median()) if len(distances) else np.nan,
-                "largest": float(distances.max()) if len(distances) else np.nan,
-                "false": len(bad),
-                "disproved": int(disproved(bad).sum()),
-            }
-        )
-    return pd.DataFrame(records)
+    met, lies = rows_of.met(rows), rows["status"].isin(FALSE_CLAIMS)
+    facts = {"verified": met, **{level: met & (rows["certainty"] == level) for level in LEVELS}}
+    distance = rows["distance"].where(met).groupby(rows["label"])
+    facts |= {"false": lies, "disproved": lies & disproved(rows)}
+    found = pd.DataFrame(facts).astype(int).groupby(rows["label"]).sum()
+    for place, (name, values) in enumerate({"median": distance.median(), "largest": distance.max()}.items()):
+        found.insert(1 + len(LEVELS) + place, name, values)
+    return found.reset_index()
 
 
 def disproved(table: pd.DataFrame) -> pd.Series:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -20,30 +19,20 @@ NAMED, FEW = 6, 2
 """The most solvers that a line on them names, and where a reason follows."""
 
 
-@dataclass(frozen=True)
-class Absence:
-    """A reason why solvers could not run: its state (missing, broken, licence), its message, and how many pairs of
-    which solver it cost."""
-
-    state: str
-    detail: str
-    solvers: Mapping[str, int]
-
-
-def absences(table: pd.DataFrame) -> list[Absence]:
-    """Return why solvers could not run, each reason once, in order of state and text.
+def absences(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, int]]:
+    """Return how many pairs each reason cost which solver, by state (missing, broken, licence) and message.
 
     >>> rows = pd.DataFrame({"solver": ["a", "a", "b"], "status": ["unavailable"] * 3,
     ...                      "message": ["missing: pip install g"] * 3})
     >>> absences(rows)
-    [Absence(state='missing', detail='pip install g', solvers={'a': 2, 'b': 1})]
+    {('missing', 'pip install g'): {'a': 2, 'b': 1}}
     """
-    absent = table.loc[table["status"] == str(Status.UNAVAILABLE), ["solver", "message"]]
+    absent = table.loc[table["status"] == str(Status.UNAVAILABLE), ["message", "solver"]]
     found: dict[tuple[str, str], dict[str, int]] = {}
-    for (solver, message), count in absent.value_counts().items():  # type: ignore[misc]
+    for (message, solver), count in absent.value_counts().sort_index().items():  # type: ignore[misc]
         state, _, detail = message.partition(": ")
         found.setdefault((state, detail), {})[solver] = int(count)
-    return [Absence(*reason, dict(sorted(cost.items()))) for reason, cost in sorted(found.items())]
+    return found
 
 
 def participating(group: pd.DataFrame) -> pd.DataFrame:

@@ -124,19 +124,8 @@ def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
     inexact = table[~rows_of.exact(table)]
     unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= target_tolerance(inexact)
     done = there | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
-    missed = inexact[done & ~rows_of.met(inexact)].index
-    records: list[dict[str, object]] = []
-    for (label, kind), rows in inexact.groupby(["label", "kind"], sort=True):  # type: ignore[misc]
-        finite = rows.loc[np.isfinite(rows["error"]), "error"]
-        records.append(
-            {
-                "label": str(label),
-                "kind": str(kind),
-                "pairs": len(rows),
-                "solved": int(rows_of.solved(rows).sum()),
-                "missed": int(rows.index.isin(missed).sum()),
-                "median": float(finite.median()) if len(finite) else math.nan,
-                "largest": float(finite.max()) if len(finite) else math.nan,
-            }
-        )
-    return pd.DataFrame(records, columns=["label", "kind", "pairs", "solved", "missed", "median", "largest"])
+    facts = {"pairs": True, "solved": rows_of.solved(inexact), "missed": done & ~rows_of.met(inexact)}
+    way = [inexact["label"], inexact["kind"]]
+    counts = pd.DataFrame(facts, index=inexact.index).astype(int).groupby(way, sort=True).sum()
+    error = inexact["error"].where(np.isfinite(inexact["error"])).groupby(way)
+    return counts.assign(median=error.median(), largest=error.max()).reset_index()

@@ -266,9 +266,9 @@ def _absent(run: Run) -> Table:
     """Return why solvers could not run here, each reason once."""
     forms = {"state": "text", "reason": "text", "solvers": "codes", "pairs": "count"}
     lines = (
-        [one.state or "unavailable", cut((one.detail.strip().splitlines() or ["no reason was given"])[-1], 300),
-         list(one.solvers), sum(one.solvers.values())]
-        for one in participation.absences(run.rows)
+        [state or "unavailable", cut((detail.strip().splitlines() or ["no reason was given"])[-1], 300),
+         list(solvers), sum(solvers.values())]
+        for (state, detail), solvers in participation.absences(run.rows).items()
     )  # fmt: skip
     return Table.of(forms, lines)
 

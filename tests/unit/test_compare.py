@@ -155,8 +155,14 @@ def test_two_labels_of_a_run_by_solver_or_by_label() -> None:
             ("unsupported", "solved", "inconclusive", "not compared"),
             ("not_run", "crash", "inconclusive", "not compared"),
             ("solved", "infeasible", "inconclusive", "contradiction"),
+            ("infeasible", "unbounded", "inconclusive", "contradiction"),
+            ("wrong", "lost", "improved", "wrong"),
+            ("solved", "lost", "regressed", "lost"),
+            ("approximate", "solved", "improved", "approximate"),
+            ("lost", "approximate", "inconclusive", "charged elsewhere"),
+            ("unresolvable", "lost", "inconclusive", "charged elsewhere"),
         ],
-        8,
+        10,
     ),
 )
 def test_status_comes_first(base: str, new: str, verdict: str, kind: str) -> None:

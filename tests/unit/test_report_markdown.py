@@ -250,7 +250,7 @@ def test_one_solver_alone_has_no_profile(tmp_path: Path) -> None:
     text = report(suite(6, 1), tmp_path, drawn=True)
     check_whole(text)
     assert "answer.png" not in text
-    assert not list(tmp_path.glob("*.svg"))
+    assert not list(tmp_path.glob("*.png"))
 
 
 def test_many_problems_have_no_matrix(tmp_path: Path) -> None:
