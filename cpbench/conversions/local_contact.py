@@ -132,7 +132,6 @@ class FCtoCP(OverCones):
     unknown = "x"
 
 
-FORMS = ("regular", "lecture")
 NOTHING = 1e-8
 """x_N (y_N) at most this times the largest component of x (y) counts as 0."""
 
@@ -145,35 +144,19 @@ class FCtoMiCP(Conversion):
     Target  z = (x_N, x_T, ξ) a contact, in units of the problem with r_N = D x_N, r_T = μD x_T and y the velocities
             that go with them (`contact_laws`), so that μ is 1:
 
-                0 ≤ x_N ⟂ y_N ≥ 0,   x_N y_T + ξ x_T = 0 (x_T free),   0 ≤ ξ ⟂ x_N² − ‖x_T‖² ≥ 0.
+                0 ≤ x_N ⟂ y_N ≥ 0,   x_N y_T + (ξ + y_N) x_T = 0 (x_T free),   0 ≤ ξ ⟂ x_N − ‖x_T‖ + y_N ≥ 0.
 
             (49) itself has ‖r_T‖u_T + ξ r_T = 0 and 0 ≤ ξ ⟂ μr_N − ‖r_T‖ ≥ 0 for the last two rows. With ‖r_T‖ in place
-            of μr_N the middle one lets r_T = 0, r_N > 0, u_T ≠ 0, ξ = 0 through, which is no friction; squares in the
-            last one are smooth at r_T = 0. The solutions are those of the law, which are those of (49) but for what it
-            lets through. Where x_N = 0 these rows are singular: ξ may be anything, and x_T is known to the root of the
-            error. The `regular` form, which is the default, has in place of the last two
-
-                x_N y_T + (ξ + y_N) x_T = 0,   0 ≤ ξ ⟂ x_N − ‖x_T‖ + y_N ≥ 0,
-
-            the same where x_N > 0, for then y_N = 0; where x_N = 0 < y_N they say x_T = 0, ξ = 0, and are regular (were
-            ‖x_T‖ = y_N, the first would say x_T = 0); and x_T is as exact as x_N. Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T =
-            0, ξ = 0.
+            of μr_N the middle one lets r_T = 0, r_N > 0, u_T ≠ 0, ξ = 0 through, which is no friction. Without y_N the
+            rows are the same where x_N > 0, for then y_N = 0, and singular where x_N = 0: ξ may be anything. With it
+            they say x_T = 0, ξ = 0 where x_N = 0 < y_N, and are regular (were ‖x_T‖ = y_N, the first would say x_T =
+            0). Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T = 0, ξ = 0.
     Lift    r = Dx, its x_T shortened to x_N where the last row leaves it longer.
-    Push    x = D⁻¹r, ξ = ‖y_T‖; in the regular form ξ = 0 where y_N > 0.
-    Kind    equivalent in r, in both forms. Singular where x_N = 0 < μ, in the regular form only where y_N = 0 too;
-            `singular` tells these contacts.
+    Push    x = D⁻¹r, ξ = ‖y_T‖, 0 where y_N > 0.
+    Kind    equivalent in r. Singular where x_N = 0 = y_N, 0 < μ; `singular` tells these contacts.
 
-    `form`: `regular`, or `lecture` for (49) mended. Trace: `unit`, `size`, `mu`, and `W`, `q` for the velocities.
+    Trace: `unit`, `size`, `mu`, and `W`, `q` for the velocities.
     """
-
-    form: str = "regular"
-
-    @property
-    def _regular(self) -> bool:
-        return self.form == "regular"
-
-    def obstacle(self, problem: FrictionContact) -> str | None:
-        return None if self.form in FORMS else f"form = '{self.form}' is none of (49); use {' or '.join(FORMS)}"
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Ask for three digits more: the middle row is a product, small where x_N is whatever y_T may be."""
@@ -183,14 +166,13 @@ class FCtoMiCP(Conversion):
         """Convert, with the result of a few projections as start (`contact_laws.approached`): at 0 the derivative is
         singular.
         """
-        self.require(problem)
         nc, d = problem.nc, problem.dimension
         chosen = _units(problem)
         trace = {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}
         lb = np.full((nc, d + 1), -np.inf)
         lb[:, [0, d]] = 0.0
         start = self.push(contact_laws.approached(problem, contact_laws.units(problem)), trace)
-        F = _map(problem, chosen, self._regular)
+        F = _map(problem, chosen)
         return MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.z), trace
 
     def lift(self, point: MiCPPoint, trace: Trace) -> FCPoint:
@@ -201,7 +183,7 @@ class FCtoMiCP(Conversion):
     def push(self, point: FCPoint, trace: Trace) -> MiCPPoint:
         mu = np.asarray(trace["mu"])
         x, y = _states(point, trace)
-        slides = (mu > 0) & ((x[:, 0] > 0) | (y[:, 0] <= 0) | (not self._regular))
+        slides = (mu > 0) & ((x[:, 0] > 0) | (y[:, 0] <= 0))
         xi = np.where(slides, np.linalg.norm(y[:, 1:], axis=1), 0.0)
         return MiCPPoint(z=np.column_stack([x, xi]).ravel() if mu.size else np.zeros(0))
 
@@ -219,9 +201,8 @@ class FCtoMiCP(Conversion):
         """Return contacts at which the rows are singular in this answer: friction, but nothing to carry it."""
         x, y = _states(self.lift(point, trace), trace)
         still = np.asarray(trace["mu"]) > 0
-        for part, matters in ((x, True), (y, self._regular)):
-            if matters:
-                still = still & (part[:, 0] <= NOTHING * max_abs(part))
+        for part in (x, y):
+            still = still & (part[:, 0] <= NOTHING * max_abs(part))
         return np.flatnonzero(still)
 
 
@@ -240,7 +221,7 @@ def _units(problem: FrictionContact) -> Units:
     return Units(chosen.unit * factor.ravel(), chosen.size)
 
 
-def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
+def _map(problem: FrictionContact, chosen: Units) -> Map:
     nc, d = problem.nc, problem.dimension
     record = MapRecorder((d + 1) * nc)
     Z = record.z.reshape(nc, d + 1)
@@ -248,9 +229,8 @@ def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
     y = contact_laws.velocities(problem, chosen, x.ravel())
     rows: list[Any] = []
     for c in range(nc):
-        xn, xt, gap = x[c, 0], x[c, 1:], y[c, 0] if regular else 0.0
-        room = xn - contact_laws.row_norms(xt) + gap if regular else xn * xn - (xt * xt).sum()
-        rubs = [xn * y[c, 1:] + (xi[c] + gap) * xt, room]
+        xn, xt, gap = x[c, 0], x[c, 1:], y[c, 0]
+        rubs = [xn * y[c, 1:] + (xi[c] + gap) * xt, xn - contact_laws.row_norms(xt) + gap]
         rows += [y[c, 0], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])]
     return record.map(*rows)
 

@@ -87,11 +87,10 @@ def test_the_cylinder_moves_with_the_normal_reaction():
 # -------------------------------------------------------------------------------------------- (49)
 
 
-@pytest.mark.parametrize("regular", [False, True])
-def test_micp_has_no_answer_that_the_law_has_not(regular):
+def test_micp_has_no_answer_that_the_law_has_not():
     """With ξ apart, r_T = 0 and ξ = 0 would let a contact slide without friction; (49) as written here does not."""
     problem = FrictionContact(W=np.eye(3), q=[-1.0, 1.0, 0.0], mu=[0.5])
-    edge = make("fc-micp", {"form": "regular" if regular else "lecture"})
+    edge = make("fc-micp")
     target = edge.step(problem)
     slides_freely = MiCPPoint(z=np.eye(4)[0])
     assert edge.lift(slides_freely, target.provenance[-1].trace).r[0] == 1.0  # u = (0, 1, 0)
@@ -115,62 +114,39 @@ def scene(rng, states):
     return FrictionContact(W=W, q=u.ravel() - W @ r.ravel(), mu=np.full(len(states), 0.5)), FCPoint(r=r.ravel())
 
 
-@pytest.mark.parametrize("regular", [False, True])
 @pytest.mark.parametrize(
     "states",
     [["stick", "slide"], ["stick", "open", "slide", "open"], ["slide", "touch"], ["open", "touch", "stick", "slide"]],
 )
-def test_micp_tells_where_it_is_singular(rng, states, regular):
+def test_micp_tells_where_it_is_singular(rng, states):
     """No contact is told where the derivative of the active rows is regular at the answer, and some where it is not."""
     problem, point = scene(rng, states)
-    edge = make("fc-micp", {"form": "regular" if regular else "lecture"})
+    edge = make("fc-micp")
     target, there = both_ways(edge, problem, point)
     told = edge.singular(there, target.provenance[-1].trace)
-    empty = {"touch"} if regular else {"touch", "open"}
-    assert told.tolist() == [c for c, state in enumerate(states) if state in empty]
+    assert told.tolist() == [c for c, state in enumerate(states) if state == "touch"]
     said = graph.remarks(target, there)
     assert len(said) == bool(told.size)
     assert all(f"singular at {told.size} of {len(states)} contacts ({told[0]}" in text for text in said)
     F, z = target.F(there.z), there.z
-    # ξ of an open contact may be anything in the lecture's form; the best choice is the most regular
-    conditions = []
-    for xi in (0.0, 1.0):
-        z = there.z.copy().reshape(-1, 4)
-        z[told, 3] = xi
-        z = z.ravel()
-        basic = np.where(np.isneginf(target.lb), True, z > F)
-        conditions.append(np.linalg.cond(target.F.jacobian(z).toarray()[np.ix_(basic, basic)]))
-    assert (min(conditions) > 1e10) == bool(told.size)
-
-
-def test_both_forms_of_micp_have_the_same_answers(rng):
-    """What is found of one form with noise in ξ and x_T of open contacts is none of the other's."""
-    problem, point = scene(rng, ["stick", "open", "slide"])
-    lecture, regular = make("fc-micp", {"form": "lecture"}), make("fc-micp")
-    (one, there), (other, here) = both_ways(lecture, problem, point), both_ways(regular, problem, point)
-    moved = there.z.copy()
-    moved[7] += 1.0  # ξ of the open contact
-    assert one.residuals(MiCPPoint(z=moved)).error <= CLOSE
-    assert other.residuals(MiCPPoint(z=moved)).error > 1e-2
-    assert here.z[7] == 0.0
-    assert problem.residuals(lecture.lift(MiCPPoint(z=moved), one.provenance[-1].trace)).error <= CLOSE
+    basic = np.where(np.isneginf(target.lb), True, z > F)
+    condition = np.linalg.cond(target.F.jacobian(z).toarray()[np.ix_(basic, basic)])
+    assert (condition > 1e10) == bool(told.size)
 
 
 def test_micp_lift_mends_what_a_singular_contact_leaves_open():
     """x_N = 0 leaves ‖x_T‖ ≤ √error: the lifted reaction is in its cone all the same."""
     problem = FrictionContact(W=np.eye(3), q=[1.0, 1.0, 0.0], mu=[0.5])
     almost = MiCPPoint(z=[0.0, 1e-6, 0.0, 0.0])
-    for regular, least, most in ((False, 0.0, 1e-11), (True, 1e-7, 1e-5)):
-        edge = make("fc-micp", {"form": "regular" if regular else "lecture"})
-        target = edge.step(problem)
-        assert least <= target.residuals(almost).error <= most
-        assert problem.residuals(edge.lift(almost, target.provenance[-1].trace)).error <= 1e-11
+    edge = make("fc-micp")
+    target = edge.step(problem)
+    assert 1e-7 <= target.residuals(almost).error <= 1e-5
+    assert problem.residuals(edge.lift(almost, target.provenance[-1].trace)).error <= 1e-11
 
 
-@pytest.mark.parametrize("form", ["regular", "lecture"])
-def test_micp_start_is_near_a_solution(rng, form):
+def test_micp_start_is_near_a_solution(rng):
     problem, _ = planted.fc(rng, 8, 3, "positive definite")
-    edge = make("fc-micp", {"form": form})
+    edge = make("fc-micp")
     target = edge.step(problem)
     start = edge.lift(MiCPPoint(target.start), target.provenance[-1].trace)
     assert problem.residuals(start).error < 1e-2, "projections come near where the problem is this easy"
@@ -227,12 +203,6 @@ def test_a_linearization_errs_by_the_square_of_the_distance(rng, at):
         answer = solvers.get("nsgs").run(local, Budget(tolerance=1e-12)).point
         errors.append(problem.residuals(graph.lift(local, answer)).error)
     assert 3 < errors[0] / errors[1] < 40
-
-
-def test_micp_has_two_forms(rng):
-    problem, _ = planted.fc(rng, 2, 3)
-    with pytest.raises(NotApplicable, match="use regular or lecture"):
-        make("fc-micp", {"form": "smooth"}).apply(problem)
 
 
 def test_linearization_refuses_what_it_cannot_do(rng):
