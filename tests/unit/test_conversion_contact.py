@@ -195,22 +195,3 @@ def test_facet_error_falls_with_their_number(name):
     ratios = np.array(worst_error[1:]) / np.array(worst_error[:-1])
     assert (ratios < 0.65).all()
     assert worst_error[-1] < 0.03
-
-
-@pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("count", [4, 6, 8, 16])
-def test_outer_facets_by_schur_and_by_vertices_agree(seed, count):
-    # W close to the identity and little friction: the solution of the polygonal law is unique
-    rng = np.random.default_rng(seed)
-    nc, angle = 4, rng.uniform(0.0, 1.0)
-    G = rng.standard_normal((3 * nc, 3 * nc))
-    W = np.eye(3 * nc) + 0.02 * (G + G.T) + 0.01 * (G - G.T)
-    mu = rng.uniform(0.1, 0.4, nc)
-    r, u = planted.contact_state(rng, nc, 3, mu)
-    problem = FrictionContact(W=W, q=u - W @ r, mu=mu)
-    answers = []
-    for name in ("fc-mlcp-outer", "fc-lcp-outer"):
-        target = make(name, {"facets": count, "angle": angle}).step(problem)
-        answers.append(graph.lift(target, solved(target)).r)
-    assert np.abs(answers[0] - answers[1]).max() <= 1e-10

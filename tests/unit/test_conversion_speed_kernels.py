@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import planted
 import pytest
@@ -167,17 +164,6 @@ def test_sizes() -> None:
     assert Size.sparse(10, 10, 20).bytes == 20 * 12 + 11 * 4
     assert Size.sparse(10, 10, 2**31).bytes == 2**31 * 16 + 11 * 8
     assert str(Size(7, 11, 1_500_000_000)) == "7 rows, 11 entries, 1.5 GB at most"
-
-
-@pytest.mark.nightly
-def test_small_conversions_do_not_import_numba() -> None:
-    code = (
-        "import sys, numpy as np, scipy.sparse as sp; from cpbench.conversions import make, conversions;"
-        "from cpbench.formulations import FrictionContact; conversions.names();"
-        "W = sp.csr_array(np.eye(150)); p = FrictionContact(W=W, q=np.ones(150), mu=np.ones(50));"
-        "make('fc-lcp-inner').step(p); make('fc-mlcp-outer').predict(p); sys.exit('numba' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_nothing_compiles_after_the_import() -> None:

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from generated import instances
 
-from cpbench import graph, storage
+from cpbench import storage
 from cpbench.cli.collection_command import generate
 from cpbench.formulations.transfer import transfer
 from cpbench.foundation import matrices
@@ -29,15 +29,6 @@ def test_every_step_has_its_answer() -> None:
         verdict = judge(instance.problem, instance.solution, 1e-13)
         assert verdict.solved, (instance.name, verdict)
         assert verdict.flags == ()
-
-
-def test_local_and_global_form_are_one_problem() -> None:
-    for one, other in zip(instances(LOCAL)[::8], instances(GLOBAL)[::8], strict=True):
-        condensed = graph.arrive(other.problem, "fc").problem
-        size = matrices.max_abs(one.problem.W)
-        assert matrices.max_abs(condensed.W - one.problem.W) < 1e-13 * size
-        np.testing.assert_allclose(condensed.q, one.problem.q, atol=1e-13)
-        np.testing.assert_array_equal(one.solution.r, other.solution.r)
 
 
 def test_contacts_come_go_and_keep_their_ids() -> None:

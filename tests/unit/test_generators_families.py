@@ -14,9 +14,7 @@ from cpbench.generators.collection import builtin_folder, catalogue
 from cpbench_problems.generators import (
     belts,
     bimatrix,
-    control,
     linear_twins,
-    spatial,
 )
 from cpbench_problems.generators.lcp_classics import isolated, munson1
 from cpbench_problems.generators.lcp_hard import csizmadia_degenerate, cycling
@@ -169,29 +167,3 @@ def test_the_pull_on_a_rope_tends_to_the_exponential(mu: float) -> None:
         errors.append(abs(float(belts.limit_ratio(n, bits, mu)) / np.exp(mu * angle) - 1.0))
     assert errors[0] < 0.03
     assert np.allclose(np.divide(errors[:-1], errors[1:]), 4.0, rtol=0.05)
-
-
-def test_the_first_force_is_that_of_riccati_where_no_limit_is_active() -> None:
-    masses, horizon = 3, 12
-    problem = control.program(masses, horizon, control.drawn_state(masses), "", limit=64.0)
-    A, B = control.dynamics(masses)
-    Q, C = matrices.dense(problem.Q), matrices.dense(problem.C)
-    n, k = problem.p.size, problem.d.size
-    system = np.block([[Q, C.T], [C, np.zeros((k, k))]])
-    z = np.linalg.solve(system, np.concatenate([np.zeros(n), problem.d]))[:n]
-    start = np.linalg.solve(A, problem.d[: 2 * masses])
-    P, R = np.eye(2 * masses), control.EFFORT * np.eye(masses)
-    for _ in range(horizon):
-        K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-        P = np.eye(2 * masses) + A.T @ P @ (A - B @ K)
-    assert z[:masses] == pytest.approx(-K @ start, abs=1e-12)
-
-
-def test_both_forms_of_spatial_prices_have_the_same_shipments_and_prices() -> None:
-    local, mixed = spatial.by_shipments(6, 7), spatial.mixed(6, 7)
-    x = local.solution.z
-    assert np.array_equal(x, mixed.solution.v)
-    price_gap = matrices.dense(local.problem.M) @ x + local.problem.q
-    p, u = mixed.problem, mixed.solution.u
-    assert np.array_equal(price_gap, matrices.dense(p.D) @ u + matrices.dense(p.B) @ x + p.b)
-    assert np.linalg.matrix_rank(matrices.dense(local.problem.M)) <= 12

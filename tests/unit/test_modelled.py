@@ -135,19 +135,6 @@ def test_a_game_is_packed_and_its_equilibria_are_written(tmp_path: Path) -> None
     assert "y[1]" in command(tmp_path, "solve", "game.h5").stdout
 
 
-@pytest.mark.parametrize("sizes", [[3, 3], [5, 0], [2.5, 2.5], "32", [3, 2, 0], None, [10**30, 1]])
-def test_sizes_that_are_none_of_a_game_are_ignored(sizes) -> None:
-    """A file may hold any property."""
-    from dataclasses import replace
-
-    from cpbench_problems.applications import own_unknowns
-
-    problem = cpbench.from_game(*THREE).problem
-    other = replace(problem, info=replace(problem.info, properties={"game": sizes}))
-    assert own_unknowns(problem, problem.point_from_vector(np.ones(5))) is not None
-    assert own_unknowns(other, problem.point_from_vector(np.ones(5))) is None
-
-
 # ------------------------------------------------------------------------------------------- least squares
 
 
