@@ -30,9 +30,13 @@ def headline(comparison: Comparison) -> str:
         times = {v: sum(suite.time == v for suite in by_time) for v in ORDER}
         of = f"times of {counted(len(by_time), 'label')}: "
         parts.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
+        moved = [suite for suite in by_time if suite.time in ORDER[:2]]
+        if moved:
+            most = max(moved, key=lambda suite: abs(math.log(suite.ratio)))
+            parts[-1] += f" (most of all {most.label}: {most.ratio:.2f} times the time)"
     alone = comparison.pairs[(comparison.pairs["gate"] == "time") & comparison.pairs["verdict"].isin([*ORDER[:2]])]
     if len(alone):
-        parts.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
+        parts.append(f"{counted(len(alone), 'pair')} far slower or faster by itself")
     rest = "; ".join(parts) or "status, error and counters of all pairs are the same"
     return f"{counted(len(comparison.pairs), 'pair')} compared: {rest}"
 
