@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -60,6 +61,24 @@ def families(group: pd.DataFrame) -> pd.DataFrame:
     found["best"] = [best_of.get(family, []) for family in found.index]
     columns = ["family", "problems", "some", "pairs", "solved", "most", "best"]
     return found.rename_axis("family").reset_index()[columns]
+
+
+def beside(group: pd.DataFrame, part: str, tolerance: float) -> pd.DataFrame:
+    """Compare the errors of a group with a part of the verdict, by label: answers that have both, the median of either,
+    and how many pass the tolerance by both, by the error alone, and by the part alone.
+
+    >>> rows = pd.DataFrame({"label": "s", "error": [1e-9, 1e-3], "parts": ['{"natural": 1e-9}', '{"natural": 1e-7}']})
+    >>> beside(rows, "natural", 1e-6)[["answers", "both", "ours", "theirs"]].loc["s"].tolist()
+    [2, 1, 0, 1]
+    """
+    theirs = group["parts"].map(lambda parts: json.loads(parts or "{}").get(part, math.nan)).astype(float)
+    known = theirs.notna() & np.isfinite(group["error"])
+    passes, they = group["error"] <= tolerance, theirs <= tolerance
+    labels = group["label"][known].astype(object)
+    medians = pd.DataFrame({"error": group["error"], "part": theirs})[known].groupby(labels).median()
+    passed = pd.DataFrame({"both": passes & they, "ours": passes & ~they, "theirs": ~passes & they})
+    medians.insert(0, "answers", labels.value_counts())
+    return medians.join(passed[known].astype(int).groupby(labels).sum())
 
 
 def size_ranges(group: pd.DataFrame) -> dict[str, tuple[int, int]]:

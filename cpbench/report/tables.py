@@ -362,18 +362,11 @@ def _verdicts(rows: pd.DataFrame, order: Sequence[str]) -> Table:
 def _beside(group: ResultGroup, rows: pd.DataFrame, order: Sequence[str]) -> Table:
     """Return how the errors of each solver's answers compare with what the field measures of them."""
     name = BESIDE.get(group.node, "")
-    theirs = rows["parts"].map(lambda parts: json.loads(parts or "{}").get(name, math.nan)).astype(float)
-    both = rows.assign(theirs=theirs)[theirs.notna() & np.isfinite(rows["error"])]
-    both = both.assign(ours=both["error"] <= group.tolerance, they=both["theirs"] <= group.tolerance)
     forms = {"solver": "code", "answers": "count", "median error": "number", f"median {name}": "number",
              "pass both": "count", "pass the error only": "count", f"pass {name} only": "count"}  # fmt: skip
-    parts = {} if group.measure else {str(label): own for label, own in both.groupby("label")}
-    lines = (
-        [label, len(own), own["error"].median(), own["theirs"].median(),
-         *(int((own["ours"].eq(a) & own["they"].eq(b)).sum()) for a, b in ((1, 1), (1, 0), (0, 1)))]
-        for label, own in ((label, parts[label]) for label in order if label in parts)
-    )  # fmt: skip
-    return Table.of(forms, lines)
+    found = summary.beside(rows.head(0) if group.measure else rows, name, group.tolerance)
+    shown = found.loc[[label for label in order if label in found.index]]
+    return Table(shown.reset_index().set_axis(list(forms), axis=1), forms)
 
 
 def _families(rows: pd.DataFrame) -> Table:
