@@ -108,7 +108,7 @@ def _solvers() -> list:
             day = set(checks("solver"))
         elif kind == "foreign" and solver.spec.by_default and module not in modules:
             modules.add(module)
-            day = day | {"check_some_case_is_solved", "check_claims_hold_in_other_units"}
+            day = day | {"check_some_case_is_solved"}
         for check, call in checks("solver").items():
             marks = () if check in day else pytest.mark.nightly
             found.append(pytest.param(solver, call, id=f"{name}-{check}", marks=marks))
