@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
 from cpbench.bench.results.store import Store
-from cpbench.errors import CpbenchError
-from cpbench.formulations.base import Info
 from cpbench.generators.collection import address_text
 from cpbench.report import row_files
 from cpbench.report.folder import write_folder
 from cpbench.report.run import ProblemOrigin
 from cpbench.report.text import cut
-from cpbench.storage.base import SEPARATOR, require_folder
+from cpbench.storage.base import require_folder
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from cpbench.analysis.comparison import Comparison
 
-SECONDS, BYTES = 5.0, 20_000_000
-"""Seconds for reading where problems are from, and the largest file that is read for it."""
 ABOUT = 400
 """Characters of a source or a licence."""
 
@@ -93,33 +87,18 @@ def report_file(
 
 
 def _origins(store: Store, table: pd.DataFrame) -> dict[str, ProblemOrigin]:
-    """Return source and licence of the families of problems, as far as files that are at hand and unchanged give them.
-
-    One problem of each file is read, until SECONDS are over; files above BYTES are passed over.
-    """
-    formats: Mapping[str, str] = store.meta().get("formats") or {}
-    first = rows_of.normalised(table, ("address", "family")).drop_duplicates("fingerprint")
-    files = first.assign(file=first["address"].str.partition(SEPARATOR)[0]).drop_duplicates(["file", "family"])
-    told: dict[str, list[Info]] = {}
-    end = time.monotonic() + SECONDS
-    for row in files[["fingerprint", "address", "file", "family"]].to_dict("records"):
-        address = str(row["address"])
-        for folder in (Path(), store.path.parent):
-            file = folder / str(row["file"])
-            if time.monotonic() > end or not file.is_file() or file.stat().st_size > BYTES:
-                continue
-            try:
-                problem = storage.load(str(folder / address), format=formats.get(address))
-            except CpbenchError:
-                continue
-            if problem.fingerprint == row["fingerprint"]:
-                told.setdefault(str(row["family"]), []).append(problem.info)
-                break
-    return {family: _origin(infos) for family, infos in told.items()}
+    """Return source and licence of the families of problems, each text once, as their files gave them to the run."""
+    facts = store.features()
+    told: dict[str, list[Mapping[str, Any]]] = {}
+    rows = rows_of.normalised(table, ("family",)).drop_duplicates("fingerprint")
+    for fingerprint, family in zip(rows["fingerprint"], rows["family"], strict=True):
+        if fingerprint in facts:
+            told.setdefault(str(family), []).append(facts[fingerprint])
+    return {
+        family: ProblemOrigin(_joined(infos, "source", "citation"), _joined(infos, "licence"))
+        for family, infos in told.items()
+    }
 
 
-def _origin(infos: Sequence[Info]) -> ProblemOrigin:
-    """Join what the files of a family say, each once."""
-    sources = dict.fromkeys(text for info in infos for text in (info.source, info.citation) if text)
-    licences = dict.fromkeys(info.licence for info in infos if info.licence)
-    return ProblemOrigin(cut("; ".join(sources), ABOUT), cut("; ".join(licences), ABOUT))
+def _joined(infos: Sequence[Mapping[str, Any]], *names: str) -> str:
+    return cut("; ".join(dict.fromkeys(info[name] for info in infos for name in names if name in info)), ABOUT)

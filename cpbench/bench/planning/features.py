@@ -1,6 +1,7 @@
-"""Facts of a problem for conditions, found by the referee of every problem and kept in the results.
+"""Facts of a problem for conditions and reports, found by the referee of every problem and kept in the results.
 
-Every problem of every run has them, so that they cost passes over its data at most: names, sizes, entries, friction.
+Every problem of every run has them, so that they cost passes over its data at most: names, origin, sizes, entries,
+friction.
 A condition that names what a problem does not have does not hold.
 """
 
@@ -15,7 +16,8 @@ import numpy as np
 from cpbench.formulations.base import Problem, formulations
 from cpbench.foundation import matrices
 
-TEXTS = ("node", "family", "name", "sequence")
+ORIGIN = ("source", "licence", "citation")
+TEXTS = ("node", "family", "name", "sequence", *ORIGIN)
 GLOBAL = ("gfc", "grfc", "nfc")
 """Nodes whose n is the number of degrees of freedom, which local ones do not have."""
 NUMBERS = {
@@ -42,6 +44,7 @@ def features(problem: Problem) -> dict[str, float | str]:
     [2.0, 2.0, 3.0, 0.75]
     """
     found: dict[str, float | str] = {"node": problem.node, "family": problem.info.family, "name": problem.name}
+    found |= {name: text for name in ORIGIN if (text := getattr(problem.info, name))}
     sizes = problem.sizes()
     tables: list[Any] = [value for value in problem.data().values() if value.ndim == 2]
     nonzeros = sum(matrices.nnz(table) for table in tables)
