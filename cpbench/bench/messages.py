@@ -129,18 +129,6 @@ class Judge(Message):
     vectors: Vectors = field(default_factory=dict[str, Any])
 
 
-class JudgeHistory(Message):
-    """A request for the errors of recorded iterates (see `Recorded`), of as many as can be judged within `seconds`."""
-
-    case: RefereeCase
-    seconds: float
-    count: int
-    solve: float
-    cost: float
-    calls: int
-    vectors: Vectors
-
-
 # ----------------------------------------------------------------------------------------- from the referee
 
 
@@ -303,6 +291,13 @@ class Recorded(Message):
     vectors: Vectors
 
 
+class JudgeHistory(Recorded):
+    """A request to the referee for the errors of recorded iterates, of as many as can be judged within `seconds`."""
+
+    case: RefereeCase
+    seconds: float
+
+
 # ------------------------------------------------------------------------------------------------ bytes
 
 
@@ -323,7 +318,7 @@ def unpack(data: bytes, header_bytes: float = math.inf) -> Message:
     header, vectors = frames.unpack(data, header_bytes)
     try:
         kind, values = Message.kinds[header["message"]], header["fields"]
-        if "vectors" in kind.__annotations__:
+        if "vectors" in cast(Any, kind).__dataclass_fields__:
             values["vectors"] = vectors
         return cast(Message, _read(kind, values))
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as cause:

@@ -424,7 +424,7 @@ class PairRun:
 
     def _judge_history(self, case: messages.RefereeCase, trail: messages.Recorded) -> bytes | None:
         """Return the iterates with their errors; None where they could not be judged."""
-        asked = messages.JudgeHistory(case, HISTORY_SECONDS, **vars(trail))
+        asked = messages.JudgeHistory(**vars(trail), case=case, seconds=HISTORY_SECONDS)
         reply = self.referee.ask(REFEREE.limit(self.limits.seconds), asked, messages.HistoryJudged)
         return reply.vectors.get("history") if isinstance(reply, messages.HistoryJudged) else None
 

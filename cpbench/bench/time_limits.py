@@ -6,7 +6,6 @@ interpreter, a first compilation. A phase that exceeds its limit is killed with 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from cpbench.bench.planning.quantities import duration
@@ -52,10 +51,3 @@ def floors() -> str:
     'start 60 s, warm-up 5 min, load 30 s, conversion 120 s'
     """
     return ", ".join(f"{phase.name} {duration(phase.floor)}" for phase in PHASES)
-
-
-def described() -> Iterator[tuple[str, str]]:
-    """Yield each phase with its limit, for a reader."""
-    yield "solve", "--timeout: set-up, solve, and bringing back the answer"
-    for phase in PHASES:
-        yield phase.name, f"--timeout, at least {duration(phase.floor)}: {phase.what}"

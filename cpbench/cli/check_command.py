@@ -75,6 +75,10 @@ def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> 
         sys.exit(1)
 
 
+class _NoAnswer(Exception):
+    """End of a request to the process without an answer, and why."""
+
+
 class PluginChecker:
     """Checks of a plugin, a file or a registered name; a context manager, which ends its process."""
 
@@ -92,17 +96,10 @@ class PluginChecker:
     def items(self) -> list[Item]:
         """Return what there is to check. Raises CpbenchError when the plugin does not load."""
         try:
-            return [
-                Item(kind, name, tuple(nodes)) for kind, name, nodes in self._ask({"do": "items"}, START.floor)["items"]
-            ]
-        except TimedOut:
-            why = f"was not loaded within {START.floor:g} s"
-        except Died as death:
-            why = f"ends the process that loads it ({describe_exit(death)})"
-        except frames.FrameError as noise:
-            why = f"sends what is no message while it is loaded ({noise})"
-        self._close()
-        raise CpbenchError(f"{self._plugin}: {why}")
+            found = self._ask({"do": "items"}, START.floor)["items"]
+            return [Item(kind, name, tuple(nodes)) for kind, name, nodes in found]
+        except _NoAnswer as end:
+            raise CpbenchError(f"{self._plugin}: while it is loaded: {end}") from None
 
     def marks(self, item: Item, only: tuple[str, ...] = ()) -> Iterator[tuple[str, Mark]]:
         """Yield every check of one item, or those in `only`, with its mark. A solver that cannot run is not checked."""
@@ -121,24 +118,28 @@ class PluginChecker:
                 self.items()
             answer = self._ask({"do": check, "kind": item.kind, "name": item.name}, seconds)
             return Mark(str(answer["word"]), str(answer["reason"]))
+        except _NoAnswer as end:
+            return Mark("failed", " ".join(str(end).split()))
+
+    def _ask(self, request: Mapping[str, Any], seconds: float) -> dict[str, Any]:
+        """Return the answer of the process, which is started where there is none; raises _NoAnswer, CpbenchError."""
+        try:
+            if self._child is None:
+                self._child = Child(self._context, _main, (self._plugin,))
+            self._child.forget()
+            self._child.send(frames.pack(request))
+            answer, _ = frames.unpack(self._child.receive(seconds))
+            if "refused" in answer:
+                raise CpbenchError(str(answer["refused"]))
+            return answer
         except TimedOut:
             why = f"still running after {seconds:g} s"
         except Died as death:
             why = f"the process ended: {describe_exit(death)}"
-        except (frames.FrameError, KeyError) as noise:
+        except frames.FrameError as noise:
             why = f"what came is no answer: {noise}"
         self._close()
-        return Mark("failed", " ".join(why.split()))
-
-    def _ask(self, request: Mapping[str, Any], seconds: float) -> dict[str, Any]:
-        if self._child is None:
-            self._child = Child(self._context, _main, (self._plugin,))
-        self._child.forget()
-        self._child.send(frames.pack(request))
-        answer, _ = frames.unpack(self._child.receive(seconds))
-        if "refused" in answer:
-            raise CpbenchError(str(answer["refused"]))
-        return answer
+        raise _NoAnswer(why)
 
     def _close(self) -> None:
         if self._child is not None:

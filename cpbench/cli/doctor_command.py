@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import click
 
-from cpbench.bench import availability, machine, time_limits
+from cpbench.bench import availability, machine
 from cpbench.bench.availability import SolverState
 from cpbench.cli.list_command import HEAD, RESTRICTED, cells, families
 from cpbench.cli.progress import shown_progress
-from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
+from cpbench.cli.terminal import fitted, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import solvers
 
@@ -26,8 +26,6 @@ def command(warm: bool) -> None:
     """
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
-    click.echo("limits       killed with all it started half a second later at most")
-    _print_facts(time_limits.described())
     chosen = list(solvers)
     if warm:
         click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
@@ -36,11 +34,6 @@ def command(warm: bool) -> None:
     states = availability.examine(chosen, warm)
     seen = {one.name: one for one in shown_progress(states, len(chosen), "trying solvers")}
     print_lines(fitted(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width())))
-
-
-def _print_facts(facts: Iterable[tuple[str, str]]) -> None:
-    for name, text in facts:
-        print_lines(folded(f"  {name:<10} {text}", hanging=11))
 
 
 def checkup_lines(found: Sequence[SolverState], width: int) -> Iterator[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from cpbench.bench.planning import grids
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
@@ -61,12 +60,6 @@ def _sets(assembly: Assembly) -> Iterator[str]:
         routes = "+".join(part.asked.via) or part.asked.allowed_routes
         pairs = counted(len(part.pairs), "pair")
         yield f"{name}{there}, routes {routes}, tolerance {tolerances}: {pairs} that a route may reach"
-        for text in part.asked.solvers:
-            entries = grids.grid(text)
-            if len(entries) > 1:
-                names = {entry.label for entry in entries}
-                count = sum(pair.entry.label in names for pair in part.pairs)
-                yield f"  {text}: {len(entries)} entries, {counted(count, 'pair')}"
 
 
 def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:

@@ -142,7 +142,6 @@ def test_a_dry_run_tells_the_problems_the_grids_and_what_is_done(folder: Path) -
     assert ["lcp", "p5", "1", "1", "1"] in rows
     assert "pairs by solver: lemke " in told
     assert "set loose: 2 problems x 4 solvers with options, routes exact, tolerance 0.001, 1e-06: 16 pairs" in told
-    assert "  psor[omega=1:1.2:0.1]: 3 entries, 12 pairs" in told
     assert "18 pairs to run: worst case 6 min" in told
     told = run(folder, "--dry-run").stdout
     assert "night.sqlite has 2 of the 18 pairs; 16 to be run" in told

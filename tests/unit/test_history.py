@@ -127,7 +127,7 @@ class Scene:
         self.case = RefereeCase(str(path), None, problem.fingerprint, node, plan.exact(), 1e-10)
 
     def judged(self, found: Recorded, seconds: float = 30.0) -> History:
-        reply = self.referee.judge_history(JudgeHistory(self.case, seconds, **vars(found)))
+        reply = self.referee.judge_history(JudgeHistory(**vars(found), case=self.case, seconds=seconds))
         return History.unpack(reply.vectors["history"])
 
 
