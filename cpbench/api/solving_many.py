@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -91,34 +91,13 @@ def solve_many(
         wrong = "tolerance" if not tolerance > 0 else "seconds" if not seconds > 0 else "threads"
         raise ProblemError(wrong, "must be positive")
     stack = _stacked(problems, arrays)
-    solved = _solve_measured(_call_for(stack.problem(0)), stack, tolerance, threads)
-    x, error, left = solved.x, solved.error, solved.left
-    status = np.where(solved.stationary, Status.STATIONARY, Status.SOLVED).astype(f"<U{max(map(len, Status))}")
+    found = _solve_measured(_call_for(stack.problem(0)), stack, tolerance, threads)
     begun = time.perf_counter()
-    for i in left.tolist():
+    for i in found.one_by_one.tolist():
         solution = solve(stack.problem(i), tolerance=tolerance, seconds=seconds)
-        x[i] = np.nan if solution.x is None else solution.x
-        status[i], error[i] = str(solution.status), solution.error
-    spent = {"solve": solved.solve, "verify": solved.verify, "one by one": time.perf_counter() - begun}
-    return Solutions(stack, x, status, error, tolerance, left, spent)
-
-
-@dataclass(frozen=True, eq=False)
-class _MeasuredAnswers:
-    """Answers of compiled calls, measured.
-
-    Attributes
-    ----------
-    x : (k, n) each answer as one vector. error : (k,) measured. stationary : (k,) whether a right answer is no more
-    than that. left : the numbers of the problems that were not solved. solve, verify : wall time [s].
-    """
-
-    x: Dense
-    error: Vector
-    stationary: NDArray[np.bool_]
-    left: NDArray[np.int64]
-    solve: float
-    verify: float
+        found.x[i] = np.nan if solution.x is None else solution.x
+        found.status[i], found.error[i] = str(solution.status), solution.error
+    return replace(found, seconds={**found.seconds, "one by one": time.perf_counter() - begun})
 
 
 def _call_for(problem: Problem) -> StackCall:
@@ -136,10 +115,12 @@ def _call_for(problem: Problem) -> StackCall:
     return call
 
 
-def _solve_measured(call: StackCall, stack: Stack, tolerance: float, threads: int) -> _MeasuredAnswers:
-    """Solve by compiled calls and measure every answer; those that fail are tried again with less of the tolerance."""
+def _solve_measured(call: StackCall, stack: Stack, tolerance: float, threads: int) -> Solutions:
+    """Solve by compiled calls and measure every answer; those that fail are tried again with less of the tolerance.
+    What is left has to be solved one by one."""
     x = np.full((stack.count, sum(stack.point_sizes.values())), np.nan)
-    error, stationary = np.full(stack.count, np.inf), np.zeros(stack.count, dtype=bool)
+    error = np.full(stack.count, np.inf)
+    status = np.full(stack.count, Status.SOLVED, dtype=f"<U{max(map(len, Status))}")
     left, solve, verify = np.arange(stack.count), 0.0, 0.0
     for share in call.shares:
         some = stack if left.size == stack.count else stack.only(left)
@@ -150,19 +131,17 @@ def _solve_measured(call: StackCall, stack: Stack, tolerance: float, threads: in
         solve += between - begun
         verify += time.perf_counter() - between
         x[left], error[left] = np.concatenate(list(answers.values()), axis=1), verdicts.error
-        stationary[left] = verdicts.stationary
+        status[left] = np.where(verdicts.stationary, Status.STATIONARY, Status.SOLVED)
         left = left[~verdicts.solved]
         if not left.size:
             break
-    return _MeasuredAnswers(x, error, stationary, left, solve, verify)
+    return Solutions(stack, x, status, error, tolerance, left, {"solve": solve, "verify": verify})
 
 
 def _stacked(problems: Sequence[Problem] | type[Problem], arrays: Mapping[str, Any]) -> Stack:
     """Return the problems as a stack that the compiled calls take; raises ProblemError."""
     if isinstance(problems, type):
-        stack = Stack.of_arrays(problems, arrays)
-    elif arrays:
+        return Stack.of_arrays(problems, arrays)
+    if arrays:
         raise ProblemError("arrays", f"{', '.join(arrays)} go with a class of problems, not with problems")
-    else:
-        stack = Stack.of_problems(problems)
-    return stack
+    return Stack.of_problems(problems)

@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 
 from cpbench.api import comparing
-from cpbench.cli.options import fail_on_option, outputs_option, seed_option, stationary_option
+from cpbench.cli.options import ListOption, seed_option, stationary_option
 from cpbench.cli.terminal import print_lines
-from cpbench.cli.types import LABELS, PATH
+from cpbench.cli.types import FILE, LABELS, PATH
 from cpbench.errors import UnknownName
 from cpbench.foundation.text import printable
 from cpbench.verification import CONTRADICTION, PROVEN, VERIFIED, Status
@@ -27,8 +27,20 @@ NOT_NEGATIVE = click.FloatRange(min=0)
 @click.argument("new", required=False, type=PATH)
 @click.option("--a", "first", metavar="LABEL", help="Solver or label that is the base, with one file.")
 @click.option("--b", "second", metavar="LABEL", help="Solver or label that is compared with it, with one file.")
-@outputs_option((".md", ".json"), "Output file .md (summary of a CI job) or .json. Repeatable.")
-@fail_on_option("Outcomes with which the command ends with 1: regression, inconclusive, or new contradiction,wrong,...")
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=FILE,
+    help="Output file .md (summary of a CI job) or .json. Repeatable.",
+)
+@click.option(
+    "--fail-on",
+    cls=ListOption,
+    metavar="NAMES",
+    help="Outcomes with which the command ends with 1: regression, inconclusive, or new contradiction,wrong,...",
+)
 @click.option("--margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of times to find.")
 @click.option("--counter-margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of counters.")
 @click.option(

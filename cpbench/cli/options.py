@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
@@ -125,26 +124,6 @@ def kinds_option(default: str = "") -> Decorator:
 def seed_option(text: str) -> Decorator:
     """Return `--seed` with a help text."""
     return click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text)
-
-
-def fail_on_option(text: str) -> Decorator:
-    """Return `--fail-on` with a help text."""
-    return click.option("--fail-on", cls=ListOption, metavar="NAMES", help=text)
-
-
-def outputs_option(suffixes: Sequence[str], text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add `--output` to commands that write several files, each in the form that its suffix names."""
-
-    def _check(_: click.Context, __: click.Parameter, outputs: tuple[Path, ...]) -> tuple[Path, ...]:
-        for path in outputs:
-            if path.suffix not in suffixes:
-                raise click.UsageError(f"-o {path}: unknown suffix '{path.suffix}'; use {', '.join(suffixes)}")
-            if not path.absolute().parent.is_dir():
-                raise click.UsageError(f"-o {path}: there is no folder {path.parent}; make it first")
-        return outputs
-
-    kind = click.Path(path_type=Path, dir_okay=False)
-    return click.option("-o", "--output", "outputs", multiple=True, type=kind, callback=_check, help=text)
 
 
 def number(value: float) -> str:

@@ -160,7 +160,7 @@ def test_bad_input_is_one_line(made: Make, cpbench, tmp_path: Path) -> None:
         ([good, good, "--noise", "s,t"], "'t'"),
         ([good, good, "--fail-on", "wrogn"], "did you mean wrong"),
         ([good, good, "-o", tmp_path / "x.html"], "unknown suffix '.html'"),
-        ([good, good, "-o", tmp_path / "no" / "x.md"], "no folder"),
+        ([good, good, "-o", tmp_path / "no" / "x.md"], "cannot be written"),
         ([good, good, "--alpha", "1"], "--alpha"),
         ([good, good, "--margin", "-1"], "--margin"),
     ):
