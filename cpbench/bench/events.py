@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
-from cpbench.foundation.text import counted, some_of
-
-HOSTS = 8
-"""The most hosts that are named."""
 
 
 @dataclass(frozen=True)
@@ -44,37 +40,13 @@ class Done:
 
 
 @dataclass(frozen=True)
-class Joined:
-    """The workers of a cluster that take part have changed.
+class Told:
+    """A line of the executor for a reader, as on the machines of a cluster."""
 
-    Attributes
-    ----------
-    workers : their number. hosts : of these. dashboard : its address, '' where there is none.
-    """
-
-    workers: int
-    hosts: tuple[str, ...]
-    dashboard: str
-
-    def __str__(self) -> str:
-        on = f" on {counted(len(self.hosts), 'host')} ({some_of(self.hosts, HOSTS)})" if self.hosts else ""
-        watch = f"; dashboard: {self.dashboard}" if self.dashboard else ""
-        return f"Dask: {counted(self.workers, 'worker')}{on}{watch}"
+    line: str
 
 
-@dataclass(frozen=True)
-class Spent:
-    """The machines of a cluster on which a run was done: pairs by host, and the time of processors [s]."""
-
-    pairs: Mapping[str, int]
-    seconds: float
-
-    def __str__(self) -> str:
-        shares = [f"{host} {counted(count, 'pair')}" for host, count in self.pairs.items()]
-        return f"ran on {counted(len(shares), 'host')} ({some_of(shares, HOSTS)}): {self.seconds / 3600:.2g} CPU hours"
-
-
-Event: TypeAlias = Starting | Compiling | Solving | Done | Joined | Spent
+Event: TypeAlias = Starting | Compiling | Solving | Done | Told
 EventHandler: TypeAlias = Callable[[Event], None]
 
 

@@ -201,9 +201,7 @@ class HistoryJudged(Message):
 
 
 class Solve(Message):
-    """A request for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem
-    already.
-    """
+    """A request for a solve; `vectors` are the point to start from."""
 
     path: str
     tolerance: float
@@ -212,7 +210,6 @@ class Solve(Message):
     repeats: int = 1
     repeat_below: float = 1.0
     history: bool = False
-    held: bool = False
     checksum: int | None = None
     vectors: Vectors = field(default_factory=dict[str, Any])
 

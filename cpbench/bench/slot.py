@@ -271,7 +271,6 @@ class PairRun:
             repeats=limits.repeats,
             repeat_below=limits.repeat_below,
             history=self.recorded,
-            held=self.workers.holds(self.name, prepared.path),
             checksum=prepared.checksum,
             vectors=start,
         )
@@ -280,12 +279,9 @@ class PairRun:
             worker.forget()  # what earlier solves printed is not this one's
             over = time.monotonic() + limit
             worker.send(messages.pack(asked), limit)
-            reply = messages.ProblemLoaded(messages.Seconds(0.0))
-            if not asked.held:
-                reply = hear(worker, over - time.monotonic())
+            reply = hear(worker, over - time.monotonic())
             if isinstance(reply, messages.ProblemLoaded):
                 loaded, self.row = True, replace(self.row, load=reply.load)
-                self.workers.loaded(self.name, prepared.path)
                 begun = time.perf_counter()  # a clock beside the worker's, which a solver could falsify
                 reply = hear(worker, limits.seconds + GRACE)
                 if isinstance(reply, messages.Result):

@@ -1,9 +1,9 @@
 """The process that runs one solver: it loads problems, warms up, solves and reports; it judges nothing.
 
 Messages in: `Solve`. Messages out: `WarmingUp` once the solver is found to be available, `CompilingKernels` where these
-are not in the cache yet, `Ready`, then for every request `ProblemLoaded` (unless the runner knows that the problem is
-held), `Result`, and where they are asked for `Repeats` and `Recorded`; or a `Failure`. The limit of a solve counts
-from `ProblemLoaded`; what goes before has its own (`time_limits`).
+are not in the cache yet, `Ready`, then for every request `ProblemLoaded`, `Result`, and where they are asked for
+`Repeats` and `Recorded`; or a `Failure`. The limit of a solve counts from `ProblemLoaded`; what goes before has its own
+(`time_limits`).
 """
 
 from __future__ import annotations
@@ -135,8 +135,7 @@ class SolverRunner:
             return None
         if self._handed is None:
             self._handed = self._solver.hand_over(problem)
-        if not self._asked.held:
-            self.send(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
+        self.send(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
         asked = self._arguments(problem)
         self.meter.begin()
         output, setup, wall, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)

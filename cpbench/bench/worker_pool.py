@@ -116,7 +116,6 @@ class WorkerPool:
         self._children: dict[str, Child] = {}
         self._memory: dict[str, int] = {}
         self._begun: dict[str, float] = {}
-        self._holds: dict[str, str] = {}
         self.versions: dict[str, str] = {}
         self.unavailable: dict[str, messages.SolverUnavailable] = {}
 
@@ -169,17 +168,8 @@ class WorkerPool:
         """Return whether `get` returns at once."""
         return self.settled(name, memory) and name not in self._begun
 
-    def loaded(self, name: str, path: str) -> None:
-        """Note that a worker holds this problem."""
-        self._holds[name] = path
-
-    def holds(self, name: str, path: str) -> bool:
-        """Return whether a worker has loaded this problem already."""
-        return self._holds.get(name) == path
-
     def drop(self, name: str) -> None:
         child = self._children.pop(name, None)
-        self._holds.pop(name, None)
         self._begun.pop(name, None)
         if child is not None:
             child.kill()

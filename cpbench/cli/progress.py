@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from cpbench.bench.events import Compiling, Event, Joined, Observer, Solving, Spent, Starting
+from cpbench.bench.events import Compiling, Event, Observer, Solving, Starting, Told
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.terminal import print_lines
 from cpbench.foundation.text import counted, on_one_line, summary
@@ -122,9 +122,9 @@ class Display(Observer):
                 click.echo(doing, err=True)
         elif isinstance(event, Solving):
             doing = f"{event.pair.label} on {event.pair.problem}, at most {event.pair.limits.seconds:g} s"
-        elif isinstance(event, Joined | Spent):
+        elif isinstance(event, Told):
             if not self._quiet:
-                print_lines([str(event)], err=True)
+                print_lines([event.line], err=True)
         else:
             self._count(event.outcome.status)
         if self._bar is not None and doing:

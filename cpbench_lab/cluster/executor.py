@@ -29,11 +29,12 @@ from distributed import Event
 
 from cpbench import storage
 from cpbench.bench.block import Block, Ending
-from cpbench.bench.events import EventHandler, Joined, Solving, Spent
+from cpbench.bench.events import EventHandler, Solving, Told
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
+from cpbench.foundation.text import counted, some_of
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
 from cpbench.storage.base import split_address
 from cpbench_lab.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
@@ -45,6 +46,8 @@ TASK = 2.0
 """Seconds after which a task ends: a worker that is lost loses no more, and one that joins late finds work."""
 AHEAD = 2
 """Tasks submitted for every worker: one at work, and one that is there when it ends."""
+HOSTS = 8
+"""The most hosts that are named."""
 LOOK = 0.5
 """Seconds between two looks at which workers there are."""
 FETCH = 30.0
@@ -151,7 +154,9 @@ class _Run:
         thread.start()
         thread.join(CLOSING)
         if self._pairs:
-            self._on_event(Spent(dict(self._pairs.most_common()), self._seconds))
+            shares = [f"{host} {counted(count, 'pair')}" for host, count in self._pairs.most_common()]
+            ran = f"ran on {counted(len(shares), 'host')} ({some_of(shares, HOSTS)})"
+            self._on_event(Told(f"{ran}: {self._seconds / 3600:.2g} CPU hours"))
 
     def _look(self) -> int:
         """Return how many workers can be used, as of a moment ago; warn of those that were lost."""
@@ -175,7 +180,10 @@ class _Run:
         if usable != self._joined:
             self._joined = usable
             hosts = sorted({str(worker.get("host", "")) for worker in able})
-            self._on_event(Joined(usable, tuple(hosts), _dashboard(self._client)))
+            on = f" on {counted(len(hosts), 'host')} ({some_of(hosts, HOSTS)})" if hosts else ""
+            dashboard = _dashboard(self._client)
+            watch = f"; dashboard: {dashboard}" if dashboard else ""
+            self._on_event(Told(f"Dask: {counted(usable, 'worker')}{on}{watch}"))
         if usable:
             self._alone_since = time.monotonic()
         elif self._workers and self._refusal:
