@@ -164,22 +164,19 @@ class Results:
         return len(self._run.stored)
 
     def __repr__(self) -> str:
-        sentences = [*self._contradicted, *self._disturbed, *(ranking.sentence for ranking in self.rankings)]
+        sentences = [*self._warnings, *(ranking.sentence for ranking in self.rankings)]
         return "\n".join([f"Results of {counted(len(self), 'pair')} in {self.path.name}", *sentences, *self.remarks])
 
     @property
-    def _contradicted(self) -> list[str]:
-        return [f"contradiction: {one}" for one in self.contradictions]
-
-    @property
-    def _disturbed(self) -> list[str]:
-        return list(filter(None, [self._run.disturbance]))
+    def _warnings(self) -> list[str]:
+        disturbed = [self._run.disturbance] if self._run.disturbance else []
+        return [*(f"contradiction: {one}" for one in self.contradictions), *disturbed]
 
     def _repr_html_(self) -> str:
         from cpbench.report.page import as_html
         from cpbench.report.tables import ranking_table
 
-        parts = [f"<p>{html.escape(line)}</p>" for line in (*self._contradicted, *self._disturbed)]
+        parts = [f"<p>{html.escape(line)}</p>" for line in self._warnings]
         for ranking in self.rankings:
             table = as_html(ranking_table(ranking.shown).markdown)
             parts.append(f"<p>{html.escape(ranking.sentence)}</p>{table}")

@@ -46,11 +46,6 @@ class Setting:
     slots: int = 1
 
     @property
-    def referee_memory(self) -> int:
-        """Bytes that conversions and judging may take (0: no limit)."""
-        return memory_around(self.memory)
-
-    @property
     def processes(self) -> int:
         """Number of processes that a solver may have at a time, its worker included."""
         return PROCESSES + self.threads
@@ -61,7 +56,7 @@ class RefereeClient:
 
     def __init__(self, context: ForkServerContext, setting: Setting, scratch: Path) -> None:
         self._context, self._scratch = context, scratch
-        self._limit = setting.referee_memory
+        self._limit = memory_around(setting.memory)
         self.child: Child | None = None
 
     def ask(self, seconds: float, message: messages.Message, expected: type[Reply]) -> Reply | messages.Failure:

@@ -34,7 +34,6 @@ from cpbench.storage.collections import added, manifests
 
 SHOWN = 5
 """Names of files that a line shows."""
-NOT_PROVED = "without a proof"
 
 
 def first_line(entries: Sequence[ListedProblem]) -> str:
@@ -64,16 +63,6 @@ def _counts(name: str, entries: Sequence[ListedProblem]) -> tuple[str, ...]:
     return name, *(str(part) if part else "·" for part in parts)
 
 
-def total_lines(entries: Sequence[ListedProblem]) -> Iterator[str]:
-    """Yield counts by licence, by what is proved, and by how a solution is known."""
-    for title, names in (
-        ("licence", (entry.licence for entry in entries)),
-        ("proof", (entry.proof or NOT_PROVED for entry in entries)),
-        ("how a solution is known", (entry.known for entry in entries)),
-    ):
-        yield f"{title}: {'; '.join(f'{count} {name}' for name, count in Counter(names).most_common())}"
-
-
 @click.group("collection", cls=Group)
 def command() -> None:
     """List and write the problems of cpbench, simulate scenes, and check the problem files that others publish.
@@ -90,7 +79,7 @@ def list_collections() -> None:
     formats, files, licences and sources."""
     entries = catalogue()
     print_lines([first_line(entries), "", *table(formulation_rows(entries)), ""])
-    print_lines([*total_lines(entries), "", "Collections of others (cpbench collection verify says where they go):"])
+    print_lines(["Collections of others (cpbench collection verify says where they go):"])
     print_lines(table(_rows()))
 
 

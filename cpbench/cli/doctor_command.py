@@ -9,7 +9,7 @@ import click
 
 from cpbench.bench import availability, machine
 from cpbench.bench.availability import SolverState
-from cpbench.cli.list_command import HEAD, RESTRICTED, cells, families
+from cpbench.cli.list_command import HEAD, RESTRICTED, cells
 from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
@@ -59,9 +59,8 @@ def _ready(those: Sequence[SolverState]) -> Iterator[str]:
     yield from table((f"  {name}", *others) for name, *others in (HEAD, *rows))
     if any(specs[one.name].publishing for one in shown):
         yield f"  {RESTRICTED}"
-    rest = [specs[one.name] for one in those if one not in shown]
-    if rest:
-        yield f"  and {len(rest)} that run only when they are named: {families(rest)}"
+    if rest := len(those) - len(shown):
+        yield f"  and {rest} that run only when they are named"
 
 
 def _absent(those: Sequence[SolverState], width: int) -> Iterator[str]:

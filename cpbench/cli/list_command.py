@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import textwrap
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import click
 
@@ -90,26 +89,14 @@ def _solver_lines(names: Sequence[str], every: bool) -> Iterator[str]:
     for state, meaning in GLANCED.items():
         if any(one.state == state for one in states.values()):
             yield from fitted([f"{state}: {meaning}"])
-    if others := [solver.spec for solver in asked if solver not in shown]:
-        yield from fitted([f"{len(others)} more run only when they are named (--all shows them): {families(others)}"])
+    if others := len(asked) - len(shown):
+        yield from fitted([f"{others} more run only when they are named (--all shows them)"])
 
 
 def cells(spec: SolverSpec, seen: SolverState) -> tuple[str, ...]:
     """Return name, node, kind of method, version and licence; * marks figures whose publishing is restricted."""
     licence = spec.licence if len(spec.licence) <= LICENCE else f"{spec.licence[: LICENCE - 1]}…"
     return spec.name, spec.node, spec.method, seen.version or "-", licence + ("*" if spec.publishing else "")
-
-
-def families(specs: Iterable[SolverSpec]) -> str:
-    """Return how many solvers there are of each family: of one name up to its first hyphen.
-
-    >>> families(SolverSpec(name=name, node="lcp", summary="", method="") for name in ("a-x", "a-y", "b"))
-    '2 a-*, b'
-    """
-    names = [spec.name for spec in specs]
-    counts = Counter(name.partition("-")[0] for name in names)
-    single = {name.partition("-")[0]: name for name in names}
-    return ", ".join(f"{n} {name}-*" if n > 1 else single[name] for name, n in sorted(counts.items()))
 
 
 def sheet(solver: Solver, seen: SolverState, width: int) -> Iterator[str]:

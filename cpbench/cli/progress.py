@@ -79,31 +79,23 @@ def _spinner(text: str) -> Status:
 class Display(Observer):
     """Progress of a run on stderr; data never goes there, so that stdout can be piped.
 
-    A bar on a terminal, lines elsewhere, nothing when quiet.
+    A bar on a terminal, lines elsewhere, nothing when quiet. `steps` : what is done before and after pairs are run.
     """
 
     def __init__(self, quiet: bool = False) -> None:
         self._quiet = quiet
-        self._steps = Steps(quiet)
+        self.steps = Steps(quiet)
         self._bar: Any = None
         self._total = 0
         self._counts: Counter[str] = Counter()
 
-    def step(self, text: str) -> None:
-        """Note what is being done before and after pairs are run."""
-        self._steps.say(text)
-
-    def rest(self) -> None:
-        """Note that the step has ended, and none begins."""
-        self._steps.stop()
-
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         """Yield the addresses, with a bar over the files on a terminal."""
-        yield from self._steps.through(addresses, f"reading {counted(len(addresses), 'problem')}")
-        self.step("planning pairs")
+        yield from self.steps.through(addresses, f"reading {counted(len(addresses), 'problem')}")
+        self.steps.say("planning pairs")
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
-        self._steps.stop()
+        self.steps.stop()
         self._total = len({p.key for p in planned} & set(pending))
         before = len(planned) - self._total
         if not self._quiet:

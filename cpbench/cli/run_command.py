@@ -124,26 +124,26 @@ def command(
     suite = partial(run_plan.suite_values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
     display = Display(quiet)
-    display.step("looking for problems")
+    display.steps.say("looking for problems")
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     try:
         with open_run(plan, builtin_folder, display.reading) as run:
-            display.rest()
+            display.steps.stop()
             announce(run.assembly)
             if dry_run:
                 print_plan(run)
                 return
             require_places(plan, run.assembly)
             store = run.open_results()
-            display.step(f"entering {counted(len(run.assembly.pairs), 'pair')} into {plan.results}")
+            display.steps.say(f"entering {counted(len(run.assembly.pairs), 'pair')} into {plan.results}")
             run.execute(store, display, shlex.join(["cpbench", *sys.argv[1:]]))
-            finish(plan, store, run.assembly, display.step)
+            finish(plan, store, run.assembly, display.steps.say)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if plan.rerun else "the same command"
         print_lines([f"cpbench: interrupted; {plan.results} has what was done, {how} goes on"], err=True)
         sys.exit(130)
     finally:
-        display.rest()
+        display.steps.stop()
 
 
 def _plan_from(path: str | None, quiet: bool) -> plan_file.PlanFile | None:

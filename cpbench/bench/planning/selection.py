@@ -88,13 +88,10 @@ def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
     """
     if parts == 1:
         return list(pairs)
-    return [p for p in pairs if int.from_bytes(_hash(_unit(p))[:8], "big") % parts == part - 1]
+    return [p for p in pairs if _number(p) % parts == part - 1]
 
 
-def _unit(pair: Pair) -> str:
-    """Return the name of a pair's block, a folder by its last part, which is the same on every machine."""
-    return f"sequence {Path(pair.scene[0]).name} {pair.scene[1]}" if pair.scene else f"problem {pair.fingerprint}"
-
-
-def _hash(text: str) -> bytes:
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).digest()
+def _number(pair: Pair) -> int:
+    """Return a number of a pair's block, with a folder by its last part, which is the same on every machine."""
+    name = f"sequence {Path(pair.scene[0]).name} {pair.scene[1]}" if pair.scene else f"problem {pair.fingerprint}"
+    return int.from_bytes(hashlib.sha256(name.encode("utf-8", "surrogateescape")).digest()[:8], "big")

@@ -48,11 +48,6 @@ class Meter:
         there = len(self.helpers) if self._there is None else self._there
         return max(guard.count_below(os.getpid()) - there, 0) if guard.has_children() else 0
 
-    @property
-    def threads(self) -> int:
-        """Number of threads of this process."""
-        return _tasks()
-
     def cpu(self) -> float:
         """Return the CPU seconds of this process and its helpers, and of processes that they have waited for."""
         seconds = time.process_time()
