@@ -61,13 +61,6 @@ def test_the_mean_is_scipys_geometric_mean_and_precise_far_below_the_shift() -> 
     assert means.default_shift(pd.DataFrame({"a": [INF]})) == 0.0
 
 
-def test_charges_and_counts() -> None:
-    times = pd.DataFrame({"b": [1.0, INF, 2.0], "a": [1.0, 1.0, math.nan]})
-    found = means.means(times, shift=0.0, limit=10.0)
-    assert found.charge == 10.0
-    assert found.mean.to_dict() == pytest.approx({"a": 10.0 ** (1 / 3), "b": 20.0 ** (1 / 3)})
-
-
 def test_a_failure_is_never_cheaper_than_an_answer() -> None:
     """Conversion and set-up may carry a right answer beyond the limit of the solve."""
     found = means.means(pd.DataFrame({"honest": [10.5, 11.0], "liar": [INF, INF]}), limit=10.0)

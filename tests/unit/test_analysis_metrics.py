@@ -90,16 +90,6 @@ def test_what_is_no_table_of_counters() -> None:
         of("iterations", row("p", "s", "solved", 1.0, counters='{"iterations": '))
 
 
-def test_two_rows_a_pair_are_refused() -> None:
-    with pytest.raises(StoreError, match="p, s: two rows in one group"):
-        of("time", row("p", "s", "solved", 1.0), row("p", "s", "solved", 2.0, key="other"))
-
-
-def test_nothing() -> None:
-    for name in METRICS:
-        assert measured(rows_of.normalised(table()), METRICS[name]).values.shape == (0, 0)
-
-
 def test_order_is_by_name_of_problem_whatever_the_order_of_rows() -> None:
     """Names shared by two problems carry their address; rows that call one problem differently count once."""
     rows = [

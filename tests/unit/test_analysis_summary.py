@@ -107,17 +107,6 @@ def test_groups_keep_settings_apart() -> None:
         rows_of.times(rows)
 
 
-def test_problems_of_one_name_stay_two_problems() -> None:
-    rows = rows_of.normalised(
-        table(
-            row("p", "s", "solved", 1.0, fingerprint="1", address="x.h5"),
-            row("p", "s", "wrong", 1.0, fingerprint="2", address="y.h5", key="2"),
-        )
-    )
-    assert len(rows_of.times(rows)) == 2
-    assert rows_of.problem_names(rows).tolist() == ["p (x.h5)", "p (y.h5)"]
-
-
 def test_nothing_changes_its_input_and_order_does_not_matter() -> None:
     rows = suite(12, 8)
     before = rows.copy()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import row
@@ -21,12 +20,6 @@ def _rows() -> pd.DataFrame:
     status = {**dict.fromkeys(LOST, "lost"), 5: "failed"}
     one = [row(f"{k}-p", "osqp", status.get(k, "solved"), 1.0 + k, route="lcp-qp") for k in range(10)]
     return rows_of.normalised(pd.DataFrame([*one, *(row(f"{k}-p", "lemke", "solved", 2.0) for k in range(10))]))
-
-
-def _without() -> pd.DataFrame:
-    """The rows as they would be, had the pairs with lost answers not been planned."""
-    rows = _rows()
-    return rows[rows["status"] != "lost"].reset_index(drop=True)
 
 
 def test_curves_end_at_the_share_of_what_was_not_lost() -> None:
@@ -60,11 +53,3 @@ def test_tables_count_them_by_themselves() -> None:
     assert (osqp.started, osqp.counted, osqp.solved, osqp.lost) == (10, 8, 7, 2)
     gap = best.gaps(rows_of.times(group), lost=rows_of.lost(group)).loc["osqp"]
     assert (gap["planned"], gap["solved"]) == (8, 7)
-
-
-def test_nothing_changes_where_nothing_is_lost() -> None:
-    rows = _without()
-    group = rows[rows["label"] == "lemke"]
-    times, lost = rows_of.times(group), rows_of.lost(group)
-    assert not np.asarray(lost).any()
-    assert means.means(times, limit=9.0, lost=lost).mean.equals(means.means(times, limit=9.0).mean)
