@@ -8,9 +8,11 @@ from cpbench.analysis import table as rows_of
 from cpbench.verification import FALSE_CLAIMS
 
 LEVELS = ("proved", "enclosed", "stationary", "distant", "measured", "refuted")
+"""Levels of certificates, the most certain that there is a solution first."""
 KNOWN = LEVELS[:4]
 """Levels of answers to problems of which a solution is known."""
-"""Levels of certificates, the most certain that there is a solution first."""
+READ = ("problem", "node", "label", "measure", "status", "tolerance", "error", "certainty", "certificate", "distance")
+"""Columns that are looked at."""
 AWAY = 10.0
 """Distance from the only solution, in tolerances, from which a claim is disproved."""
 FAR = 1e-2
@@ -19,7 +21,7 @@ FAR = 1e-2
 
 def sought(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows for whose answers a certificate was sought."""
-    return table[table["certainty"].isin(LEVELS)]
+    return table.loc[table["certainty"].isin(LEVELS), list(READ)]
 
 
 def by_label(table: pd.DataFrame) -> pd.DataFrame:

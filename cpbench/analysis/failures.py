@@ -69,14 +69,14 @@ def hardest(table: pd.DataFrame, share: float = 0.25) -> pd.DataFrame:
     >>> hardest(rows_of.normalised(pd.DataFrame(rows)))[["name", "solved", "started", "label"]].values.tolist()
     [['p', 0, 2, 'b']]
     """
-    started = table[~table["status"].isin(REFUSED)]
+    columns = ["problem", "node", "fingerprint", "family", "sizes", "address", "status", "error", "label"]
+    started = table.loc[~table["status"].isin(REFUSED), columns]
     key = [started["node"], started["fingerprint"]]
     solved = rows_of.solved(started).groupby(key, sort=False)
     proved = started["status"].isin(PROVEN).groupby(key, sort=False).any()
     count = pd.DataFrame({"solved": solved.sum(), "started": solved.size()})
     count = count[(count["solved"] <= share * count["started"]) & ~(proved & (count["solved"] == 0))]
-    facts = started[["node", "fingerprint", "family", "sizes", "address", "error", "label"]]
-    named = facts.assign(name=rows_of.problem_names(started)).sort_values(["error", "label"], kind="stable")
+    named = started.assign(name=rows_of.problem_names(started)).sort_values(["error", "label"], kind="stable")
     closest = named.drop_duplicates(["node", "fingerprint"])
     found = closest.merge(count.reset_index(), on=["node", "fingerprint"])
     order = found.assign(share=found["solved"] / found["started"], pairs=-found["started"])

@@ -33,6 +33,12 @@ LINES = 10
 """The most rows of a ranking that are shown."""
 NEARLY = "claims that nearly hold"
 LAUNCHES = "launches a program"
+READ = (
+    "problem", "fingerprint", "address", "node", "label", "tolerance", "start", "threads", "set", "measure", "seconds",
+    "status", "route", "kind", "claim", "error", "target_error", "target_tolerance", *rows_of.CHARGED, "started",
+    "trip", "certainty", "certificate", "distance", rows_of.CONTRADICTED,
+)  # fmt: skip
+"""The columns that a ranking looks at; all others of a million rows would be copied for each group."""
 ENDINGS = {
     str(Status.TIMEOUT): "timeouts",
     str(Status.CRASH): "crashes",
@@ -139,7 +145,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     >>> found.sentence, [(row.solver, row.solved, row.started) for row in found.rows]
     ('lcp: a hint from 2 problems: s solves 2 of 2, alone on 1, fastest on 1.', [('s', 2, 2), ('t', 1, 2)])
     """
-    parts = rows_of.groups(starts.merged(table))
+    parts = rows_of.groups(starts.merged(table[[name for name in READ if name in table]]))
     groups = [group for group, _ in parts]
     launching = cautions.launching(sheets or {}, sheets or {})
     result: list[Ranking] = []

@@ -121,7 +121,8 @@ def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
     or claimed to be where that was not measured, and not on the asked one),
     median and largest finite error on the asked problem (NaN without any).
     """
-    inexact = table[~rows_of.exact(table)]
+    columns = ["label", "kind", "status", "claim", "error", "tolerance", "target_error", "target_tolerance"]
+    inexact = table.loc[~rows_of.exact(table), columns]
     unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= target_tolerance(inexact)
     done = there | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
     facts = {"pairs": True, "solved": rows_of.solved(inexact), "missed": done & ~rows_of.met(inexact)}

@@ -282,7 +282,7 @@ def _refused(run: Run) -> Table:
 def _solvers(run: Run) -> Table:
     """Return versions, licences, methods and citations of the solvers that are here."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    here = run.rows[run.rows["status"] != str(Status.UNAVAILABLE)]
+    here = run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), ["solver", "version"]]
     used = here.groupby("solver")["version"].agg(lambda versions: ", ".join(sorted(set(versions) - {""})))
     forms = {"solver": "code", "solves": "text", "version": "text", "licence": "text",
              "restriction on publishing": "text", "method and source": "text"}  # fmt: skip
