@@ -14,6 +14,8 @@ from pathlib import Path
 from subprocess import CompletedProcess
 from unittest import mock
 
+import pytest
+
 from cpbench import registry as plugged
 from cpbench.cli import main
 from cpbench.registry import DECLARED, PLUGIN_FILES
@@ -37,6 +39,16 @@ def cpbench(folder: Path, *arguments: str) -> CompletedProcess[str]:
         for handler in logging.getLogger("cpbench.run").handlers:  # a process closes its log when it ends
             handler.close()
     return CompletedProcess(list(arguments), code, out.getvalue(), err.getvalue())
+
+
+def exit_code(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """The exit code of `cpbench` with these arguments, whose output is left to `capsys`."""
+    monkeypatch.setattr(sys, "argv", ["cpbench", *map(str, words)])
+    try:
+        main()
+    except SystemExit as leave:
+        return int(leave.code or 0)
+    return 0
 
 
 def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedProcess[str]:

@@ -15,47 +15,12 @@ from tiers import some_by_day
 
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
-PLUGIN = """
-from dataclasses import dataclass
-from typing import ClassVar
-
-from cpbench.solvers import Solver, SolverSpec, register
-from helpers import OMEGA
-
-
-@dataclass(frozen=True)
-class Options:
-    omega: float = OMEGA
-    rule: str = "bland"
-    seed: int = 3
-    start: object = None
-
-
-@register
-class Mine(Solver):
-    spec: ClassVar[SolverSpec] = SolverSpec(
-        name="mine", node="lcp", summary="s", method="m", licence="MIT", options=Options
-    )
-
-    def solve(self, prepared, budget, options, start=None, record=None):
-        raise NotImplementedError
-"""
-
 
 def builds(*words: str, rc: int = 0, **env: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-W", "error", "-m", "cpbench.solvers.external.builds", *words]
     done = subprocess.run(command, env={**os.environ, **env}, capture_output=True, text=True, timeout=600)
     assert done.returncode == rc, done.stdout + done.stderr
     return done
-
-
-def checkout(folder: Path, omega: float) -> Path:
-    """A plugin that imports what stands in src/ of its checkout."""
-    (folder / "src").mkdir(parents=True)
-    (folder / "bench").mkdir()
-    (folder / "src/helpers.py").write_text(f"OMEGA = {omega}\n")
-    (folder / "bench/mine.py").write_text(PLUGIN)
-    return folder
 
 
 def known(tables: dict[str, Any], *plugins: Path) -> dict[str, Any]:
@@ -68,28 +33,6 @@ def known(tables: dict[str, Any], *plugins: Path) -> dict[str, Any]:
     done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
-
-
-@pytest.mark.nightly
-def test_a_python_plugin_is_imported_from_its_own_checkout_with_its_own_defaults(tmp_path: Path) -> None:
-    base, head = checkout(tmp_path / "with space", 1.0), checkout(tmp_path / "head", 1.5)
-    told = builds("base", str(base), "bench/mine.py", PYTHONPATH="/lib/else").stdout
-    told += builds("head", str(head), "bench/mine.py", "--python", ".venv/bin/python").stdout
-    tables = tomllib.loads(told)["solver"]
-    assert set(tables) == {"mine@base", "mine@head"}
-    assert tables["mine@base"]["env"] == {
-        PLUGIN_FILES: str(base / "bench/mine.py"),
-        "PYTHONPATH": os.pathsep.join([str(base / "bench"), str(base / "src"), str(base), "/lib/else"]),
-    }
-    assert tables["mine@head"]["interpreter"] == str(head / ".venv/bin/python")
-    assert "interpreter" not in tables["mine@base"]
-    variants = tmp_path / "variants.toml"
-    variants.write_text(told)
-    (tmp_path / "head.py").write_text(PLUGIN.replace("from helpers import OMEGA", "OMEGA = 1.5"))
-    assert known(tables, tmp_path / "head.py", variants) == {
-        "mine@base": {"omega": 1.0, "rule": "bland"},  # seed is a word of the protocol, None is no value of a table
-        "mine@head": {"omega": 1.5, "rule": "bland"},
-    }
 
 
 @pytest.mark.nightly

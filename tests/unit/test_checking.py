@@ -8,23 +8,14 @@ from pathlib import Path
 import numpy as np
 import planted
 import pytest
+from command_line import exit_code
 from tiers import by_night
 
 from cpbench import graph, storage
-from cpbench.cli import main
 from cpbench.conversions import Conversion, conversions, make
 from cpbench.conversions.base import Size
 from cpbench.formulations import LCP, MLCP, FrictionContact, Kind, LCPPoint, MLCPPoint
 from cpbench.graph import checking
-
-
-def cpbench(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr("sys.argv", ["cpbench", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    return 0
 
 
 @dataclass(frozen=True)
@@ -127,7 +118,7 @@ def test_an_approximate_route_need_not_pass(rng):
 
 def test_convert_check_prints_both_ends(monkeypatch, capsys, lcp_file):
     out = lcp_file.with_name("out.h5")
-    assert cpbench(monkeypatch, "convert", lcp_file, out, "--to", "mlcp", "--check") == 0
+    assert exit_code(monkeypatch, "convert", lcp_file, out, "--to", "mlcp", "--check") == 0
     said = capsys.readouterr().out
     assert "check: known solution, pushed" in said
     assert "error there    0 on mlcp" in said
@@ -138,13 +129,13 @@ def test_convert_check_prints_both_ends(monkeypatch, capsys, lcp_file):
 
 def test_convert_check_ends_with_1_on_a_broken_lift(monkeypatch, capsys, lcp_file, crooked):
     out = lcp_file.with_name("out.h5")
-    assert cpbench(monkeypatch, "convert", lcp_file, out, "--to", "mlcp", "--via", "lcp-mlcp", "--check") == 1
+    assert exit_code(monkeypatch, "convert", lcp_file, out, "--to", "mlcp", "--via", "lcp-mlcp", "--check") == 1
     assert "does not pass at 1e-06" in capsys.readouterr().out
     assert out.exists()
 
 
 def test_route_all_shows_every_route_with_its_size(monkeypatch, capsys, lcp_file):
-    assert cpbench(monkeypatch, "graph", lcp_file, "--to", "mlcp", "--to", "rfc", "--all", "--explain") == 0
+    assert exit_code(monkeypatch, "graph", lcp_file, "--to", "mlcp", "--to", "rfc", "--all", "--explain") == 0
     lines = capsys.readouterr().out.splitlines()
     problem = storage.load(lcp_file)
     every = list(graph.arrivals(problem, "mlcp"))
@@ -166,6 +157,6 @@ def test_a_size_that_can_be_predicted_needs_no_conversion(monkeypatch, capsys, l
 
     conversions.names()
     monkeypatch.setitem(conversions._items, "lcp-mlcp", Large)
-    assert cpbench(monkeypatch, "graph", lcp_file, "--to", "mlcp", "--all") == 0
+    assert exit_code(monkeypatch, "graph", lcp_file, "--to", "mlcp", "--all") == 0
     said = capsys.readouterr().out
     assert "1  lcp-mlcp (equivalent; ~ 1000000 rows, 1000000000000 entries, 8e+03 GB at most)" in said

@@ -6,7 +6,6 @@ import csv
 import os
 import resource
 import signal
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,27 +14,18 @@ import pandas as pd
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from command_line import exit_code
 from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.bench.planning import plan_file, quantities
 from cpbench.bench.processes import guard
-from cpbench.cli import main
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations import LCP
 from cpbench.report import row_files
 from cpbench_problems.formats.trial import require_survivor
 
 ESC = "\x1b]0;owned\x07"
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["cpbench", *map(str, words)])
-    try:
-        main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    return 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGBUS, signal.SIGKILL])
@@ -65,7 +55,7 @@ def test_pipes_and_devices_are_refused(monkeypatch, capsys, tmp_path, command) -
     (tmp_path / "z.dat").symlink_to("/dev/zero")
     more: dict[str, list[Any]] = {"convert": [tmp_path / "o.h5"], "solve": ["-s", "lemke"]}
     for name in ("f.h5", "z.dat"):
-        assert run(monkeypatch, command, tmp_path / name, *more.get(command, [])) == 2
+        assert exit_code(monkeypatch, command, tmp_path / name, *more.get(command, [])) == 2
         err = capsys.readouterr().err
         assert f"{tmp_path / name}: is not a regular file" in err
         assert err.count("\n") == 1
@@ -118,8 +108,8 @@ def test_no_cell_is_a_formula_and_no_control_character_is_left(tmp_path: Path) -
 
 def test_names_in_files_and_of_files_are_spelled_out(monkeypatch, capsys, tmp_path) -> None:
     storage.save(LCP(M=np.eye(2), q=[-1.0, 1.0], name=f"x{ESC}"), tmp_path / "p.h5")
-    assert run(monkeypatch, "info", tmp_path / "p.h5") == 0
-    assert run(monkeypatch, "info", tmp_path / f"no{ESC}.h5") == 2
+    assert exit_code(monkeypatch, "info", tmp_path / "p.h5") == 0
+    assert exit_code(monkeypatch, "info", tmp_path / f"no{ESC}.h5") == 2
     said = capsys.readouterr()
     assert "\x1b" not in said.out + said.err
     assert r"x\x1b]0;owned\x07" in said.out
@@ -141,8 +131,8 @@ def test_numbers_of_plans_that_nothing_holds(monkeypatch, capsys, tmp_path, digi
             plan_file.read(tmp_path / "plan.toml")
         assert "\n" not in str(refusal.value)
         assert len(str(refusal.value)) < 400
-    assert run(monkeypatch, "run", tmp_path, "--memory", "99999999999999999999G") == 2
-    assert run(monkeypatch, "run", tmp_path, "--seed", f"1{'0' * digits}") == 2
+    assert exit_code(monkeypatch, "run", tmp_path, "--memory", "99999999999999999999G") == 2
+    assert exit_code(monkeypatch, "run", tmp_path, "--seed", f"1{'0' * digits}") == 2
     assert "Traceback" not in capsys.readouterr().err
 
 

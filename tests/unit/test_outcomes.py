@@ -36,15 +36,6 @@ def outcome(slot: Slot, address: Path, solver: str, tolerance: float = 1e-6) -> 
     return ended
 
 
-@pytest.mark.nightly
-def test_bimatrix_game(slot: Slot, shared_data: Path) -> None:
-    """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: every covering vector ends in a ray, a first basis of two unknowns
-    leads to one of the three equilibria."""
-    path = shared_data / "lcp" / "lcp_CPS_3.dat"
-    for solver in ("lemke", "newton-min"):
-        assert outcome(slot, path, solver).status == "solved"
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_infeasible(slot: Slot, tmp_path: Path) -> None:
     """Pang's isolated solution, perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0. Lemke proves it, bpp through Lemke, and nobody

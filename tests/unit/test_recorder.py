@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import exit_code
 
 import cpbench
 from cpbench import storage
 from cpbench.bench.results.store import Store
-from cpbench.cli import main
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, FrictionContact
 
 IDS = ([4, 5], [4, 5, 6], [5, 6], [6, 9, 5])
 """Contacts come and go; every one has a load of its own, so that no two of them have the same reaction."""
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["cpbench", *map(str, words)])
-    try:
-        main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    return 0
 
 
 def problem(ids: list[int]) -> FrictionContact:
@@ -67,7 +57,7 @@ def test_a_run_follows_ids_or_nothing_and_says_so(monkeypatch, capsys, folder) -
     record("none")
     follow = ["-s", "nsgs", "--start", "previous", "--repeats", 1, "-q"]
     for name in ("ids", "none"):
-        assert run(monkeypatch, "run", f"{name}.h5", *follow, "-o", f"{name}.sqlite") == 0
+        assert exit_code(monkeypatch, "run", f"{name}.h5", *follow, "-o", f"{name}.sqlite") == 0
     out = capsys.readouterr().out
     assert started(folder / "ids.sqlite") == ["cold: first step", *["previous"] * 3]
     told = started(folder / "none.sqlite")
@@ -86,7 +76,7 @@ def test_problems_of_no_sequence_do_not_start_from_a_step_before(monkeypatch, ca
     for k, ids in enumerate(IDS):
         storage.save(problem(ids), folder / "cases" / f"s{k}.h5")
     follow = ["-s", "nsgs", "--start", "previous", "--repeats", 1, "-q"]
-    assert run(monkeypatch, "run", "cases", *follow, "-o", "cases.sqlite", "--no-report") == 0
+    assert exit_code(monkeypatch, "run", "cases", *follow, "-o", "cases.sqlite", "--no-report") == 0
     out = capsys.readouterr().out
     assert "0 of 4 rows started so; 4 unsupported: start previous: the problem is no step of a sequence" in out
 
