@@ -17,11 +17,7 @@ from kept_answers import packed, write
 from qp_literature import Reference, literature
 
 
-def best_of(found: list[tuple[str, Any, Any]]) -> Any:
-    return min(found, key=lambda row: max(row[2].rows_norm, row[2].bounds, row[2].gradient_norm, row[2].gap_terms))
-
-
-def collect(problem: Any, seconds: float, proof: float) -> tuple[list[tuple[str, Any]], Reference | None]:
+def collect(problem: Any, seconds: float) -> tuple[list[tuple[str, Any]], Reference | None]:
     """Return the different answers to a QP, labelled, and its reference."""
     answers: list[tuple[str, Any]] = []
     seen: set[bytes] = set()
@@ -31,10 +27,7 @@ def collect(problem: Any, seconds: float, proof: float) -> tuple[list[tuple[str,
             seen.add(key)
             answers.append((label, point))
     numbers = [(label, point, literature(problem, point)) for label, point in answers]
-    reference = qp_references.agreed(problem, numbers)
-    if reference is None and numbers and proof > 0:
-        reference = qp_references.proved(problem, best_of(numbers)[1], proof)
-    return answers, reference
+    return answers, qp_references.agreed(problem, numbers)
 
 
 def main() -> None:
@@ -42,7 +35,6 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="problems; all where none is named")
     parser.add_argument("--cache", type=Path, required=True, help="the folder to write")
     parser.add_argument("--seconds", type=float, default=3.0, help="time of each method's iterates on a problem [s]")
-    parser.add_argument("--proof", type=float, default=0.0, help="time for a proof where no two methods agree [s]")
     parser.add_argument("--budget", type=float, default=900.0, help="time after which no problem is begun [s]")
     given = parser.parse_args()
     given.cache.mkdir(parents=True, exist_ok=True)
@@ -55,7 +47,7 @@ def main() -> None:
             print("time is over at", name)
             break
         begun = time.perf_counter()
-        answers, reference = collect(problem, given.seconds, given.proof)
+        answers, reference = collect(problem, given.seconds)
         if answers:
             write(file, answers, reference)
         source = reference.source if reference else "none"

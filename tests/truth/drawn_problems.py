@@ -48,7 +48,7 @@ def drawn(seed: int) -> Iterator[tuple[str, Any]]:
 
 def _of_qp(name: str, problem: Any, epsilon: float, seconds: float, lines: list[str]) -> None:
     """Add what is false of answers, edges and rewritings of a QP to `lines`."""
-    answers, reference = collect(problem, seconds, 0.0)
+    answers, reference = collect(problem, seconds)
     if reference is None:
         lines.append(f"{name}: no two methods agree")
         return

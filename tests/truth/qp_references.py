@@ -1,4 +1,4 @@
-"""References of convex QPs: the optimal value by two methods that share no code, or by a proof."""
+"""References of convex QPs: the optimal value by two methods that share no code."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 from qp_literature import Literature, Reference, objective_terms
-
-import cpbench
-from cpbench.errors import CpbenchError
 
 OWN_DIGITS = 1e-9
 """Largest gap between the primal and the dual objective of a reference, over the terms of the objective."""
@@ -52,15 +49,3 @@ def agreed(problem: Any, found: Iterable[tuple[str, Any, Literature]]) -> Refere
         if method(other) != method(label) and abs(others.objective - numbers.objective) <= AGREED * terms:
             return Reference(point.z, numbers.objective, terms, f"{label}, {other}")
     return None
-
-
-def proved(problem: Any, best: Any, seconds: float) -> Reference | None:
-    """Return the answer `best` as reference where python-flint proves that a solution is within 1e-9 of it."""
-    try:
-        certificate = cpbench.certify(problem, best, seconds=seconds)
-    except CpbenchError:
-        return None
-    if certificate.level not in ("proved", "enclosed") or not certificate.distance <= 1e-9:
-        return None
-    value = problem.objective(best.z)
-    return Reference(best.z, value, objective_terms(problem, best.z), f"{certificate.level} by certify")

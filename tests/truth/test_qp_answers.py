@@ -68,7 +68,7 @@ def _answered(name: str) -> tuple[Any, Answers, Reference]:
     problem = next((problem for _, problem in real_files.convex_qps([name])), None)
     if problem is None:
         pytest.skip("does not apply: no convex QP of at most 2,000 unknowns")
-    answers, reference = collect.collect(problem, 0.5 if name in _names() else 3.0, 0.0)
+    answers, reference = collect.collect(problem, 0.5 if name in _names() else 3.0)
     if reference is None:
         pytest.skip("does not apply: no two methods agree on an optimal value with terms")
     return problem, answers, reference
