@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.foundation.matrices import Vector
+from cpbench.verification.linear import OWN, SMALL
 from cpbench.verification.rows import EPS, AnswerError, System, largest_of
 from cpbench.verification.sets import inverse
 
@@ -52,8 +53,27 @@ def row_errors(system: System) -> AnswerError:
     most = np.divide(top, own, out=np.where(top > 0, np.inf, 0.0), where=own > 0)
     x_unit = largest_of(terms.indices, np.minimum(terms.data * inverse(scale)[row], most), frame.k)
     alone = largest_of(terms.indices, terms.data, frame.k) == 0
-    errors = system.defect(np.where(alone | homogeneous, 1.0, x_unit), f_unit)
+    x_unit = np.maximum(np.where(alone | homogeneous, 1.0, x_unit), _bound_units(system))
+    errors = system.defect(x_unit, f_unit)
     return AnswerError(errors, np.full(frame.k, EPS * (4.0 + lengths.max())), bool(homogeneous.any()))
+
+
+def _bound_units(system: System) -> Vector:
+    """Return by what an unknown beyond a bound is measured at least, so that it is missed by at most 10 ε of the sides
+    that the unknown has and of itself, as of linear rows; 0 for others.
+
+    A row with a large constant holds an unknown at its bound, and hardly feels where it is. What is far below other
+    unknowns of its connected part may be their rounding.
+    """
+    frame, x = system.frame, system.x
+    beyond = frame.any((x < frame.sets.lb) | (x > frame.sets.ub))
+    sides = frame.largest(frame.sets.sides)
+    if not (beyond & (sides > 0)).any():
+        return np.zeros(frame.k)
+    of, C = frame.layout.of, frame.layout.C
+    terms = sides + frame.norms(x)
+    share = terms / C * of.spread(inverse(of.largest(system.sizes / C)))
+    return np.where(beyond & (sides > 0) & (share > SMALL), OWN * inverse(terms), 0.0)
 
 
 def _definite(system: System, row: Any, scale: Vector) -> Vector:

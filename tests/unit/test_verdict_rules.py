@@ -189,3 +189,14 @@ def test_entries_that_decay_to_nothing_hide_no_row(n: int) -> None:
     problem, off = LCP(M=M, q=-M @ z), np.where(np.arange(n) == n // 2, 1.5, 1.0)
     assert judge(problem, LCPPoint(z=z), 1e-6).solved
     assert judge(problem, LCPPoint(z=z * off), 1e-6).error > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("z", "solved"), [(1.0, True), (1.0 + 1e-8, True), (1.0 + 1e-3, False), (2.0, False), (-1e3, False)]
+)
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_row_with_a_large_constant_leaves_its_unknown_within_its_bounds(z: float, solved: bool, unit: float) -> None:
+    """F(z) = (z₁² − 4, z₂ − 10⁹) over 0 ≤ z₂ ≤ 1, in three units of z₂: whatever is beyond 1 changes F by nothing."""
+    F = graph(2, lambda x: np.array([x[0] ** 2 - 4.0, unit * x[1] - 1e9], dtype=object))
+    problem = MiCP(F=F, lb=np.array([-np.inf, 0.0]), ub=np.array([np.inf, 1.0 / unit]))
+    assert judge(problem, MiCPPoint(z=np.array([2.0, z / unit])), 1e-6).solved == solved
