@@ -57,7 +57,7 @@ class StartPolicy:
 
 @dataclass(frozen=True)
 class Before:
-    """The preceding step: a verified answer to it, and the positions of its contacts (None: not recorded)."""
+    """The preceding step: a verified answer to it, and its contacts (None: not recorded)."""
 
     point: Any
     contacts: Contacts | None = None
