@@ -153,6 +153,16 @@ def test_a_proof_of_unboundedness_must_hold() -> None:
     assert unboundedness(problem, np.array([0.0, -3.0])) is None
 
 
+@pytest.mark.parametrize("name", ["interior-point-qp", "augmented-lagrangian"])
+def test_sparse_and_dense_agree(name: str) -> None:
+    problem = banded(90, np.random.default_rng(0))
+    full = QP.build(
+        problem.Q.toarray(), problem.p, problem.A.toarray(), problem.b, problem.C.toarray(), problem.d, problem.lb
+    )
+    one, other = solved(name, problem, 1e-8), solved(name, full, 1e-8)
+    np.testing.assert_allclose(one.point.z, other.point.z, atol=1e-4)
+
+
 def test_a_singular_q_is_refused() -> None:
     problem = planted.qp(np.random.default_rng(2), 8, 5, 0, "singular semidefinite")[0]
     assert "singular" in (solvers.get("dual-active-set").obstacle(problem) or "")
