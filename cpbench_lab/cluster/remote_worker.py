@@ -128,7 +128,7 @@ def _serve(
     with Slot(Setting(**setting)) as slot:
         described = {**machine.describe(), **{f"version {k}": v for k, v in machine.versions().items()}}
         connection.send((platform.node(), described))
-        files = LocalFiles(slot, folder)
+        files = FetchedFiles(slot, folder)
         while True:
             request, copies = requests.get(timeout=idle)
             failure = ""
@@ -153,7 +153,7 @@ def _processor_seconds() -> float:
     return total
 
 
-def _run(request: RunBlock, slot: Slot, files: LocalFiles) -> Iterator[PairEnded | FilesWanted]:
+def _run(request: RunBlock, slot: Slot, files: FetchedFiles) -> Iterator[PairEnded | FilesWanted]:
     """Yield outcomes until the block is done or the seconds are over, or what files are wanted."""
     from cpbench.bench import block as blocks
     from cpbench.storage.base import split_address
@@ -169,7 +169,7 @@ def _run(request: RunBlock, slot: Slot, files: LocalFiles) -> Iterator[PairEnded
             return
 
 
-class LocalFiles:
+class FetchedFiles:
     """The problem files of a run on this machine: those that the client's machine has too, or copies of them."""
 
     def __init__(self, slot: Slot, folder: Path) -> None:
