@@ -207,6 +207,8 @@ def _unopened(path: Path, cause: BaseException) -> str:
     except UnicodeEncodeError:
         return "has a name that is not UTF-8, which h5py cannot open; rename the file"
     text = _first_line(cause)
+    if "close degree" in text:
+        return "is open in this process already, by h5py; close that file first"
     return f"is a truncated HDF5 file ({text})" if "truncated" in text else f"is a damaged HDF5 file ({text})"
 
 

@@ -209,6 +209,8 @@ def test_not_hdf5(tmp_path: Path) -> None:
     ):
         (tmp_path / name).write_bytes(content)
         refused(tmp_path / name, expected)
+    with h5py.File(tmp_path / "good.h5"):
+        refused(tmp_path / "good.h5", "is open in this process already, by h5py; close that file first")
     refused(tmp_path / "missing.h5", "no such file")
     refused(tmp_path, "is a folder, expected a file")
     refused(tmp_path / "good.h5", "is not a text file", format="siconos-lcp")
