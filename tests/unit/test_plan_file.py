@@ -121,7 +121,7 @@ def test_results_have_the_name_of_a_plan_that_is_not_the_folders(tmp_path) -> No
         ("facets = [8, 9]", "9 facets: the number must be even"),
         ("routes = 'al'", "unknown choice 'al'"),
         ("where = 'nc >> 3'", "at 'nc >> 3': cannot be read"),
-        ("where = 'contacts > 3'", "unknown fact 'contacts': known: "),
+        ("where = 'zzz > 3'", "unknown fact 'zzz': known: "),
         ("start = 'warm'", "unknown start 'warm'"),
         ("format = 'siconos-fc4d'", "siconos-fc3d"),
         ("repeats = 0", "must be at least 1"),
