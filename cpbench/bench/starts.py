@@ -51,7 +51,7 @@ class StartPolicy:
 
     @property
     def warm(self) -> bool:
-        """Whether it needs a solver that takes a starting point."""
+        """Return whether it needs a solver that takes a starting point."""
         return self.kind is not StartKind.COLD
 
 

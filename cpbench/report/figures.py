@@ -34,7 +34,7 @@ LINE = 0.19
 """Height of a line of a legend [in]."""
 DASHES: Any = (0, (4, 2))
 FIGURE_SPACE = "\N{FIGURE SPACE}"
-"""As wide as a digit."""
+"""A space as wide as a digit."""
 MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NECESSARY): "?"}
 """Sign of a route that promises less than an answer, behind the label."""
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)

@@ -131,12 +131,12 @@ def distances(system: System, layout: Layout, sizes: AnswerSizes) -> Vector:
     x_unit, f_unit = inverse(sizes.x), inverse(sizes.f)
     # a constraint, or a bound other than 0, is missed by at most 10 ε of its own terms
     terms = np.where(z & of.spread(layout.constrained), 0.0, sizes.sums + sizes.needed)
-    by_terms = np.maximum(f_unit, OWN * inverse(np.where(terms * f_unit > SMALL, terms, 0.0)))
+    by_terms = np.maximum(f_unit, by_own_terms(terms, f_unit))
     by_bound = x_unit
     if frame.sets.moored:
         missed = frame.largest(frame.sets.missed(system.x))
         beyond = np.where(z & (missed > 0), missed + frame.norms(system.x), 0.0)
-        by_bound = np.maximum(x_unit, OWN * inverse(np.where(beyond * x_unit > SMALL, beyond, 0.0)))
+        by_bound = np.maximum(x_unit, by_own_terms(beyond, x_unit))
     found = system.distances(by_bound, by_terms)
     if system.also is not None:
         value, at = system.also
@@ -155,6 +155,12 @@ def distances(system: System, layout: Layout, sizes: AnswerSizes) -> Vector:
     primal = system.distances(np.where(z, by_bound, 0.0), np.where(z, 0.0, by_terms))
     primal = np.maximum(primal, np.minimum(grown, 1.0) ** 2)
     return np.where(of.spread(free), np.maximum(primal, np.minimum(found, of.spread(share))), found)
+
+
+def by_own_terms(terms: Vector, unit: Vector) -> Vector:
+    """Return by what a row or a bound is measured so that it is missed by at most 10 ε of its own terms; 0 where these
+    are below rounding of others, of which `unit` is 1 over the size."""
+    return OWN * inverse(np.where(terms * unit > SMALL, terms, 0.0))
 
 
 def gap_error(system: System, layout: Layout, sizes: AnswerSizes) -> tuple[Vector, Vector]:

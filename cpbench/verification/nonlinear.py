@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.linear import OWN, SMALL
+from cpbench.verification.linear import by_own_terms
 from cpbench.verification.rows import EPS, AnswerError, System, largest_of
 from cpbench.verification.sets import inverse
 
@@ -66,14 +66,13 @@ def _bound_units(system: System) -> Vector:
     unknowns of its connected part may be their rounding.
     """
     frame, x = system.frame, system.x
-    beyond = frame.any((x < frame.sets.lb) | (x > frame.sets.ub))
     sides = frame.largest(frame.sets.sides)
-    if not (beyond & (sides > 0)).any():
+    missed = frame.any((x < frame.sets.lb) | (x > frame.sets.ub)) & (sides > 0)
+    if not missed.any():
         return np.zeros(frame.k)
     of, C = frame.layout.of, frame.layout.C
-    terms = sides + frame.norms(x)
-    share = terms / C * of.spread(inverse(of.largest(system.sizes / C)))
-    return np.where(beyond & (sides > 0) & (share > SMALL), OWN * inverse(terms), 0.0)
+    terms = np.where(missed, sides + frame.norms(x), 0.0)
+    return by_own_terms(terms, inverse(C * of.spread(of.largest(system.sizes / C))))
 
 
 def _definite(system: System, row: Any, scale: Vector) -> Vector:
@@ -89,7 +88,7 @@ def _definite(system: System, row: Any, scale: Vector) -> Vector:
     own = np.where(system.fixed & (system.sizes > 0), np.inf, 0.0)
     while True:  # each unknown and row gives what it has been given, as far as it goes
         own = np.maximum(own, largest_of(terms.indices, np.minimum(effect, definite[row]), frame.k))
-        found = np.maximum(definite, largest_of(row, np.minimum(top, own[terms.indices]), frame.k))
-        if not (found > definite).any():
+        wider = np.maximum(definite, largest_of(row, np.minimum(top, own[terms.indices]), frame.k))
+        if not (wider > definite).any():
             return definite
-        definite = found
+        definite = wider

@@ -69,7 +69,7 @@ class ProblemSet:
 
     @property
     def chosen(self) -> bool:
-        """Whether somebody named the solvers, which a suite does not."""
+        """Return whether somebody named the solvers, which a suite does not."""
         return bool(self.solvers) and not (self.suite and self.solvers == quick_solvers())
 
     @property
@@ -111,7 +111,7 @@ class RunPlan:
 
     @property
     def builtin(self) -> bool:
-        """Whether it is the built-in suite, all of it and nothing else."""
+        """Return whether it is the built-in suite, all of it and nothing else."""
         return self.shard == (1, 1) and all(
             part.builtin and part.suite != STANDARD and not part.where for part in self.sets
         )

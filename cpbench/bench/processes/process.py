@@ -51,7 +51,7 @@ class Died(Exception):
 
     @property
     def out_of_memory(self) -> bool:
-        """Whether its output names an allocation that failed."""
+        """Return whether its output names an allocation that failed."""
         return "bad_alloc" in self.output or "MemoryError" in self.output
 
 
@@ -105,7 +105,7 @@ class Child:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs; it may die between two requests."""
+        """Return whether it still runs; it may die between two requests."""
         return not self._over and not self._end.poll(0)
 
     def send(self, message: bytes, seconds: float = ACCEPT) -> None:
