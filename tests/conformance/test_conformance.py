@@ -10,7 +10,9 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Container
 from pathlib import Path
+from typing import Any
 
 import pytest
 from drawn_cases import draw
@@ -19,6 +21,7 @@ from hypothesis import strategies as st
 
 from cpbench.errors import Ended
 from cpbench.formulations import formulations
+from cpbench.foundation.matrices import is_sparse
 from cpbench.graph import edges
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.storage import formats
@@ -27,8 +30,25 @@ from cpbench.testing.conduct import planted
 from cpbench.verification import judge
 
 
-def _product(kind: str, plugins) -> list:
-    return [pytest.param(p, c, id=f"{name}-{check}") for name, p in plugins for check, c in checks(kind).items()]
+def _product(kind: str, plugins, only: Container[str] | None = None) -> list:
+    """Return every plugin with every check of its kind, or with some of them."""
+    made = {name: check for name, check in checks(kind).items() if only is None or name in only}
+    return [pytest.param(p, check, id=f"{of}-{name}") for of, p in plugins for name, check in made.items()]
+
+
+FEW = {
+    "check_lift_works_in_another_process", "check_sparse_as_dense", "check_the_input_stays", "check_the_same_twice",
+    "check_annotations_are_kept", "check_files_are_not_overwritten", "check_cut_files_are_refused",
+}  # fmt: skip
+"""Checks of what conversions and formats do whatever the numbers are: few cases by day, all of them at night."""
+
+
+def _some(check: Any, given: list[Case]) -> list[Case]:
+    """Return the cases of a check by day: of those of FEW the first, the first sparse one, and two more."""
+    if check.__name__ not in FEW or len(given) <= 4:
+        return given
+    sparse = next((case for case in given if any(map(is_sparse, case.problem.data().values()))), given[-1])
+    return list(dict.fromkeys([given[0], sparse, given[len(given) // 2], given[-1]]))
 
 
 @pytest.mark.parametrize(("node", "check"), _product("formulation", [(n.node, n) for n in formulations]))
@@ -36,26 +56,21 @@ def test_formulation(node, check) -> None:
     check(node, planted(node.node))
 
 
-SAVING = "check_lift_works_in_another_process"
-"""Writes a file for every case: three a conversion by day."""
+def _taken(edge, check: Any) -> list[Case]:
+    """Return the cases of a conversion's check; of one of FEW those that the conversion takes."""
+    few = check.__name__ in FEW
+    return [case for case in cases(edge.source) if not few or edge.obstacle(case.problem) is None]
 
 
 @pytest.mark.parametrize(("edge", "check"), _product("conversion", [(e.name, e) for e in edges()]))
 def test_conversion(edge, check) -> None:
-    if check.__name__ == SAVING:
-        check(edge, _taken(edge)[:3])
-    else:
-        check(edge, cases(edge.source))
+    check(edge, _some(check, _taken(edge, check)))
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("edge", [pytest.param(e, id=e.name) for e in edges()])
-def test_every_case_is_lifted_in_another_process(edge) -> None:
-    checks("conversion")[SAVING](edge, _taken(edge)[3:])
-
-
-def _taken(edge) -> list[Case]:
-    return [case for case in cases(edge.source) if edge.obstacle(case.problem) is None]
+@pytest.mark.parametrize(("edge", "check"), _product("conversion", [(e.name, e) for e in edges()], FEW))
+def test_conversion_in_every_case(edge, check) -> None:
+    check(edge, _taken(edge, check))
 
 
 OF_THE_SPEC = {
@@ -146,14 +161,18 @@ def test_specs_are_read_where_no_package_is_installed() -> None:
     assert without == known
 
 
-def _formats() -> list:
-    made = _product("format", [(form.name, form) for form in formats if form.writes])
-    long = "native-check_files_are_not_overwritten"  # other formats have it by day
-    return [pytest.param(*one.values, id=one.id, marks=pytest.mark.nightly) if one.id == long else one for one in made]
+FORMATS = [(form.name, form) for form in formats if form.writes]
 
 
-@pytest.mark.parametrize(("form", "check"), _formats())
+@pytest.mark.parametrize(("form", "check"), _product("format", FORMATS))
 def test_format(form, check) -> None:
+    for node in sorted(form.writes):
+        check(form, _some(check, cases(node)))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("form", "check"), _product("format", FORMATS, FEW))
+def test_format_in_every_case(form, check) -> None:
     for node in sorted(form.writes):
         check(form, cases(node))
 
