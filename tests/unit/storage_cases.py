@@ -3,31 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import itertools
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations import (
-    AVI,
-    LCP,
-    MLCP,
-    QP,
-    SOCLCP,
-    AnisotropicFrictionContact,
-    ConeQP,
-    Contacts,
-    FrictionContact,
-    GlobalFrictionContact,
-    GlobalRollingFrictionContact,
-    Info,
-    MixedFrictionContact,
-    Relay,
-    RollingFrictionContact,
-    Sequence,
-    Step,
-)
+from cpbench.formulations import LCP, Contacts, FrictionContact, Info, Sequence, Step, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.factorization import Factorization
@@ -44,6 +27,28 @@ INFO = Info(
 )
 
 
+ALONE = ((0, 0), (1, 0), (5, 0))
+JOINED = ((0, 0), (0, 2), (1, 0), (5, 2))
+"""Contacts, and joints or equations beside them."""
+CONTACTS = (
+    ("fc", (2, 3), ALONE), ("gfc", (2, 3), ALONE), ("gfc", (2,), JOINED[1::2]), ("fcm", (2, 3), JOINED),
+    ("rfc", (3, 5), ALONE), ("grfc", (3, 5), JOINED), ("afc", (3,), ALONE),
+)  # fmt: skip
+"""Formulations of contact, their dimensions, and how many contacts and joints."""
+PLACE = Sequence(name="stack", step=3, time=0.3, dt=0.1, previous="ab12")
+SECOND = ProductCone.of((Cone.SECOND_ORDER, 2, 3, np.array([0.5, 1 / 3])), (Cone.SECOND_ORDER, 1, 1, 0.0))
+DISK = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.3), (Cone.CYLINDER, 1, 3, 1 / 3))
+ALL = ProductCone.of(
+    (Cone.ZERO, 1, 2),
+    (Cone.FREE, 1, 1),
+    (Cone.NONNEGATIVE, 1, 3),
+    (Cone.SECOND_ORDER, 2, 3, np.array([0.5, np.inf])),
+    (Cone.ROLLING, 1, 5, 0.5, 0.1),
+    (Cone.ROLLING_DUAL, 1, 3, 0.5, 0.1),
+)
+Matrix = Callable[..., Any]
+
+
 def cases(seed: int = 7) -> dict[str, Any]:
     """name -> problem: dense, sparse, empty, denormal and negative zero entries."""
     rng = np.random.default_rng(seed)
@@ -56,103 +61,15 @@ def cases(seed: int = 7) -> dict[str, Any]:
     def sparse(*shape: int) -> sp.csr_array:
         return sp.csr_array(sp.random_array(shape, density=0.2, rng=rng, format="csr"))
 
-    def symmetric(A: Any) -> Any:
-        return A + A.T
-
-    def contacts(nc: int) -> Contacts:
-        return Contacts(
-            id=np.arange(nc) + 2**40,
-            bodies=np.arange(2 * nc).reshape(nc, 2),
-            position=rng.standard_normal((nc, 3)),
-            frame=rng.standard_normal((nc, 3, 3)),
-        )
-
-    place = Sequence(name="stack", step=3, time=0.3, dt=0.1, previous="ab12")
     special = dense(4, 4)
     special[0] = [-0.0, 5e-324, 1e308, 1 / 3]
     found: dict[str, Any] = {"lcp-special": LCP(M=special, q=np.array([-0.0, 1 / 3, 1e-320, -1.0]), info=INFO)}
-    for kind, make in (("dense", dense), ("sparse", sparse)):
-        for n, m in ((0, 0), (1, 0), (0, 2), (7, 4)):
-            found[f"lcp-{kind}-{n + m}"] = LCP(M=make(n + m, n + m), q=rng.standard_normal(n + m), name="stored")
-            found[f"mlcp-{kind}-{n}-{m}"] = MLCP(
-                A=make(n, n), B=make(m, m), C=make(n, m), D=make(m, n), a=rng.random(n), b=rng.random(m)
-            )
-            found[f"qp-{kind}-{n}-{m}"] = QP(
-                Q=symmetric(make(n, n)),
-                p=rng.random(n),
-                A=make(m, n),
-                b=rng.random(m),
-                C=make(1, n),
-                d=rng.random(1),
-                lb=np.full(n, -np.inf),
-                ub=rng.random(n),
-                info=INFO,
-            )
-        for d in (2, 3):
-            for nc in (0, 1, 5):
-                found[f"fc{d}-{kind}-{nc}"] = FrictionContact(
-                    W=make(d * nc, d * nc), q=rng.random(d * nc), mu=rng.random(nc), dimension=d, info=INFO
-                )
-                found[f"gfc{d}-{kind}-{nc}"] = GlobalFrictionContact(
-                    M=make(6, 6),
-                    H=make(6, d * nc),
-                    f=rng.random(6),
-                    w=rng.random(d * nc),
-                    mu=rng.random(nc),
-                    dimension=d,
-                    sequence=place,
-                    contacts=contacts(nc),
-                    info=INFO,
-                )
-        found |= _linear(kind, make, symmetric, rng)
-        for nc, p in ((0, 0), (0, 2), (1, 0), (5, 2)):
-            size = f"{kind}-{nc}-{p}"
-            for d in (2, 3):
-                found[f"fcm{d}-{size}"] = MixedFrictionContact(
-                    W=make(d * nc, d * nc),
-                    V=make(d * nc, p),
-                    R=make(p, p),
-                    q=rng.random(d * nc),
-                    s=rng.random(p),
-                    mu=rng.random(nc),
-                    dimension=d,
-                    info=INFO,
-                )
-            joints = {"G": make(6, p), "b": rng.random(p)}
-            globals_ = ((3, GlobalRollingFrictionContact), (5, GlobalRollingFrictionContact))
-            for d, cls in (*globals_, (2, GlobalFrictionContact)) if p else globals_:  # gfc without joints: above
-                rolling = {"mu_r": rng.random(nc)} if cls is GlobalRollingFrictionContact else {}
-                found[f"{cls.node}{d}-{size}"] = cls(
-                    M=make(6, 6),
-                    H=make(6, d * nc),
-                    f=rng.random(6),
-                    w=rng.random(d * nc),
-                    mu=rng.random(nc),
-                    dimension=d,
-                    sequence=place,
-                    contacts=contacts(nc),
-                    info=INFO,
-                    **joints,
-                    **rolling,
-                )
-        for nc in (0, 1, 5):
-            for d in (3, 5):
-                found[f"rfc{d}-{kind}-{nc}"] = RollingFrictionContact(
-                    W=make(d * nc, d * nc),
-                    q=rng.random(d * nc),
-                    mu=rng.random(nc),
-                    mu_r=rng.random(nc),
-                    dimension=d,
-                    sequence=place,
-                    contacts=contacts(nc),
-                )
-            found[f"afc-{kind}-{nc}"] = AnisotropicFrictionContact(
-                W=make(3 * nc, 3 * nc), q=rng.random(3 * nc), mu=0.1 + rng.random((nc, 2)), info=INFO
-            )
+    for kind, matrix in (("dense", dense), ("sparse", sparse)):
+        found |= _linear(kind, matrix, rng) | _contact(kind, matrix, rng)
     found["gfc3-joints-only-sparse"] = dataclasses.replace(
         found["gfc3-dense-5"], G=sparse(6, 2), b=rng.random(2), info=Info(title="t")
     )
-    found["fc3-mixed-place"] = dataclasses.replace(found["fc3-sparse-5"], sequence=place, contacts=contacts(5))
+    found["fc3-mixed-place"] = dataclasses.replace(found["fc3-sparse-5"], sequence=PLACE, contacts=_places(5, rng))
     found["gfc3-mixed"] = dataclasses.replace(found["gfc3-dense-5"], M=sparse(6, 6))
     found["lcp-large"] = LCP(M=dense(120, 120), q=rng.random(120))
     found["fc3-large"] = FrictionContact(W=dense(120, 120), q=rng.random(120), mu=rng.random(40))
@@ -161,46 +78,59 @@ def cases(seed: int = 7) -> dict[str, Any]:
     return found
 
 
-def _linear(kind: str, make: Any, symmetric: Any, rng: np.random.Generator) -> dict[str, Any]:
-    """Relays, variational inequalities and conic problems: empty, of one row, with every part and with few."""
+def build(node: str, sizes: Mapping[str, int], matrix: Matrix, rng: np.random.Generator, **given: Any) -> Any:
+    """A problem whose arrays have the shapes that its formulation declares; what is given is taken as it is."""
+    cls, data = formulations.get(node), {}
+    for field in cls._data_fields():
+        shape = [int(s) if s.isdigit() else sizes[s] for s in field.metadata["shape"]]
+        data[field.name] = matrix(*shape) if len(shape) == 2 else rng.random(shape)
+    if "Q" in data:
+        data["Q"] = data["Q"] + data["Q"].T
+    if "lb" in data:
+        data["lb"] = -data["lb"]
+    return cls(**(data | given))
+
+
+def _linear(kind: str, matrix: Matrix, rng: np.random.Generator) -> dict[str, Any]:
+    """Formulations with matrices: empty, of one row, with every part and with few."""
     found: dict[str, Any] = {}
-    K = ProductCone.of(
-        (Cone.ZERO, 1, 2),
-        (Cone.FREE, 1, 1),
-        (Cone.NONNEGATIVE, 1, 3),
-        (Cone.SECOND_ORDER, 2, 3, np.array([0.5, np.inf])),
-        (Cone.ROLLING, 1, 5, 0.5, 0.1),
-        (Cone.ROLLING_DUAL, 1, 3, 0.5, 0.1),
-    )
-    second = ProductCone.of((Cone.SECOND_ORDER, 2, 3, np.array([0.5, 1 / 3])), (Cone.SECOND_ORDER, 1, 1, 0.0))
-    disk = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.3), (Cone.CYLINDER, 1, 3, 1 / 3))
+    for n, m in ((0, 0), (1, 0), (0, 2), (7, 4)):
+        found[f"lcp-{kind}-{n + m}"] = build("lcp", {"n": n + m}, matrix, rng, name="stored")
+        found[f"mlcp-{kind}-{n}-{m}"] = build("mlcp", {"n": n, "m": m}, matrix, rng)
+        below = {"lb": np.full(n, -np.inf), "info": INFO}
+        found[f"qp-{kind}-{n}-{m}"] = build("qp", {"n": n, "m": m, "k": 1}, matrix, rng, **below)
     for n in (0, 1, 7):
-        found[f"relay-{kind}-{n}"] = Relay(M=make(n, n), q=rng.random(n), lb=-rng.random(n), ub=rng.random(n))
-        found[f"avi-{kind}-{n}"] = AVI(M=make(n, n), q=rng.random(n))
-        found[f"avi-{kind}-set-{n}"] = AVI(
-            M=make(n, n),
-            q=rng.random(n),
-            A=make(2, n),
-            b=rng.random(2),
-            C=make(1, n),
-            d=rng.random(1),
-            lb=np.full(n, -np.inf),
-            ub=rng.random(n),
-            info=INFO,
-        )
-    for name, cone in (("none", ProductCone.of()), ("second", second), ("all", K)):
-        fields, n = cone_fields(cone), cone.rows
-        found[f"soclcp-{kind}-{name}"] = SOCLCP(M=make(n, n), q=rng.random(n), **fields)  # pyright: ignore
-    for name, cone in (("none", ProductCone.of()), ("disk", disk), ("all", K)):
-        fields, m = cone_fields(cone), cone.rows
-        found[f"coneqp-{kind}-{name}"] = ConeQP(
-            Q=symmetric(make(4, 4)),
-            p=rng.random(4),
-            A=make(m, 4),
-            b=rng.random(m),
-            **fields,  # pyright: ignore
-        )
+        below, above = {"lb": np.full(n, -np.inf)}, {"ub": np.full(n, np.inf)}
+        found[f"relay-{kind}-{n}"] = build("relay", {"n": n}, matrix, rng)
+        found[f"avi-{kind}-{n}"] = build("avi", {"n": n, "m": 0, "k": 0}, matrix, rng, **below, **above)
+        found[f"avi-{kind}-set-{n}"] = build("avi", {"n": n, "m": 2, "k": 1}, matrix, rng, **below, info=INFO)
+    for name, cone in (("none", ProductCone.of()), ("second", SECOND), ("disk", DISK), ("all", ALL)):
+        fields: Any = cone_fields(cone)
+        k = len(fields["cone_kind"])
+        if cone is not DISK:
+            found[f"soclcp-{kind}-{name}"] = build("soclcp", {"n": cone.rows, "k": k}, matrix, rng, **fields)
+        found[f"coneqp-{kind}-{name}"] = build("coneqp", {"n": 4, "m": cone.rows, "k": k}, matrix, rng, **fields)
     return found
+
+
+def _contact(kind: str, matrix: Matrix, rng: np.random.Generator) -> dict[str, Any]:
+    """Formulations of contact: without any, and with places and a sequence where they have them."""
+    found: dict[str, Any] = {}
+    for node, dimensions, counts in CONTACTS:
+        for d, (nc, p) in itertools.product(dimensions, counts):
+            given: dict[str, Any] = {"info": INFO} | ({"mu": 0.1 + rng.random((nc, 2))} if node == "afc" else {})
+            if node in ("gfc", "grfc", "rfc"):
+                given |= {"sequence": PLACE, "contacts": _places(nc, rng)}
+            size = f"{nc}-{p}" if counts is not ALONE else f"{nc}"
+            sizes = {"n": 6, "m": d * nc, "nc": nc, "p": p}
+            label = node if node == "afc" else f"{node}{d}"
+            found[f"{label}-{kind}-{size}"] = build(node, sizes, matrix, rng, dimension=d, **given)
+    return found
+
+
+def _places(nc: int, rng: np.random.Generator) -> Contacts:
+    bodies, frame = np.arange(2 * nc).reshape(nc, 2), rng.standard_normal((nc, 3, 3))
+    return Contacts(id=np.arange(nc) + 2**40, bodies=bodies, position=rng.standard_normal((nc, 3)), frame=frame)
 
 
 def steps(rng: np.random.Generator) -> tuple[Step, ...]:
