@@ -39,7 +39,6 @@ ALLOWED_SKIPS = ("needs the folder of real files", "needs a licence", "needs a p
 collect_ignore = [
     "unit/siconos_errors.py",
     "unit/siconos_read.py",
-    "faults/chaos_solvers.py",
     "lab/cluster_solvers.py",
     "faults/faulty_solvers.py",
     "faults/forging_solvers.py",

@@ -2,6 +2,7 @@
 
 import ctypes
 import itertools
+import json
 import mmap
 import os
 import shutil
@@ -12,6 +13,8 @@ import struct
 import sys
 import threading
 import time
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -19,9 +22,12 @@ from cpbench.formulations import LCPPoint, MLCPPoint
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, register
 
 LONG = 3600
+FAULTS = {}
 
 
 def _faulty(name, misbehave):
+    FAULTS[name] = misbehave
+
     def solve(self, prepared, budget, options, start=None, record=None):
         return misbehave(prepared)
 
@@ -376,3 +382,30 @@ _then("abort", lambda p: os.abort())
 _then("hang", _hang)
 _then("eat", _eat)
 _then("raise", lambda p: 1 / 0)
+
+
+# ---------------------------------------------------------------------------------------------- a storm
+
+
+DEALT = json.loads(Path(os.environ["CHAOS"]).read_text()) if "CHAOS" in os.environ else {}
+"""Of the file that the variable names: "solver seed n" -> a fault; what is not in it is solved rightly."""
+
+
+@dataclass(frozen=True)
+class Seed:
+    """`seed` : which pair this is; it is no more than a name."""
+
+    seed: int = 0
+
+
+def _chaos(name):
+    def solve(self, prepared, budget, options, start=None, record=None):
+        fault = DEALT.get(f"{name} {options.seed} {prepared.q.size}")
+        return FAULTS[fault](prepared) if fault else _right(prepared)
+
+    spec = SolverSpec(name=name, node="lcp", summary="solves, or worse", method="chaos", options=Seed)
+    register(type(name.title(), (Solver,), {"spec": spec, "solve": solve}))
+
+
+for _name in ("chaos1", "chaos2", "chaos3"):
+    _chaos(_name)

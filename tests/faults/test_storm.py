@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
+from test_faults import EXPECTED
 
 from cpbench import storage
 from cpbench.bench.results.store import Store, read_results
@@ -22,24 +23,19 @@ from cpbench.errors import StoreError
 from cpbench.formulations import LCP
 
 pytestmark = pytest.mark.nightly
-PLUGIN = Path(__file__).with_name("chaos_solvers.py")
+PLUGIN = Path(__file__).with_name("faulty_solvers.py")
 CHAOS, SEEDS, CALM = ("chaos1", "chaos2", "chaos3"), range(16), ("lemke", "bpp")
 SIZES = range(2, 42)
 FAULTS, KILLS = 1000, 5
 PAIRS = len(SIZES) * (len(CHAOS) * len(SEEDS) + len(CALM))
-STATUSES = {
-    "abort": "crash", "segfault": "crash", "kill": "crash", "kill-parent": "crash", "exit": "crash", "leave": "crash",
-    "children": "crash", "orphan": "crash", "close": "crash", "flood": "crash",
-    "raise": "error", "raise-unpicklable": "error", "raise-odd-text": "error", "raise-much": "error",
-    "raise-interrupt": "error", "recurse": "error", "short": "error", "none": "error", "words": "error",
-    "complex": "error",
-    "nan": "wrong", "infinite": "wrong", "lie": "wrong", "noise": "wrong", "nothing": "wrong", "write": "wrong",
-    "clinging": "solved",
-    "eat": "memout",
-    "hang": "timeout", "stop": "timeout",
-}  # fmt: skip
+DEALT = (
+    "abort", "segfault", "own-group", "parent", "exit", "exit-0", "orphan", "close", "junk", "half", "flood", "raise",
+    "mute", "cargo", "rant", "interrupt", "recurse", "short", "none", "no-claim", "complex", "nan", "inf", "liar",
+    "nothing", "write", "daemon", "eat", "hang", "stop",
+)  # fmt: skip
+STATUSES = {fault: EXPECTED[fault][0] for fault in DEALT}
 DEAR = {fault: 20 for fault, status in STATUSES.items() if status in ("crash", "memout", "solved")}
-DEAR |= {"hang": 6, "stop": 6, "kill-parent": 6}
+DEAR |= {"hang": 6, "stop": 6, "parent": 6}
 """How many there are of the faults that cost a process, or a limit; of each of the others, as many as it takes."""
 
 
@@ -116,11 +112,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     rows = read_results(storm).set_index("key")
     pd.testing.assert_frame_equal(rows.loc[done.index], done, check_dtype=False)
     return calm, storm
-
-
-def fault_of(row: pd.Series) -> str:
-    options, sizes = json.loads(row["options"]), json.loads(row["sizes"])
-    return dealt().get(f"{row['solver']} {options.get('seed')} {sizes['n']}", "")
 
 
 def test_each_pair_has_one_row(results: tuple[Path, Path]) -> None:
