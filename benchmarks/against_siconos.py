@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from race_rows import Race, read, write
+from one_race import Race, read
 
 HERE = Path(__file__).parent
 FEW_CONTACTS = 200
@@ -70,7 +70,6 @@ ASKED = (
         Asked(f"LCP n={n}, one compiled call", "lcp kernel", r, size=n)
         for n, r in ((5, 1.0), (10, 1.2), (20, 2), (50, 5))
     ),
-    *(Asked(f"LCP n={n}, batch on two threads", "lcp batch-2", 4, size=n) for n in (5, 10, 20, 50)),
     Asked("NSGS, one sweep", "contact sweep", 8, aim=10),
     *(
         Asked(f"NSGS to {t:.0e}, same rule, {words} contacts", "contact nsgs", least, mean, sizes=sizes, tolerance=t)
@@ -78,10 +77,6 @@ ASKED = (
         for t in (1e-4, 1e-8)
     ),
     *(Asked(f"auto-fc to {t:.0e}, best of eight", "contact auto", 1, 4, 5, tolerance=t) for t in (1e-4, 1e-8)),
-    *(
-        Asked(f"auto-fc to {t:.0e}, where one compiled call is all", "contact kernel", 1, tolerance=t)
-        for t in (1e-4, 1e-8)
-    ),
     Asked("QP, best native against best backend", "qp best", 0.5),
     Asked("first solve in a warm worker: 0.8 s / time", "first warm", 1),
     Asked("first solve ever: 15 s / time", "first ever", 1),
@@ -162,12 +157,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="real files of contact problems")
     parser.add_argument("--parts", default="lcp,contact,qp,first,fresh")
-    parser.add_argument("--json", type=Path, help="keep the races there")
     parser.add_argument("--rows", action="store_true", help="print every race, too")
     parser.add_argument("--picture", type=Path, help="draw the ratios there (.png, .svg)")
     asked_for = parser.parse_args()
     rows = raced(asked_for.data, asked_for.parts.split(","))
-    write(asked_for.json, rows)
     rows.sort(key=lambda row: math.inf if row.ratio is None else row.ratio)
     lost = [row for row in rows if row.lost]
     print(f"Lost: {len(lost)} of {len(rows)} races")

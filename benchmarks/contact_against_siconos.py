@@ -7,11 +7,8 @@ Every problem in space that the folder or the files hold is asked of Siconos, wh
 numbers of `residuals`; as they stop on one of these, `natural`, they are asked for less and less until the others are
 within the tolerance, too. With --natural they are judged by that one alone, and we still by all.
 
-`auto` is auto-fc against the fastest of eight of their solvers, chosen afterwards for every problem and
-tolerance. With it comes `kernel` on problems that are solved by the first compiled call of auto-fc: that call
-alone, with memory that the caller holds, as theirs is called; the rest of our time there is the frozen answer that
-Python makes of it. `nsgs` is NSGS with the error evaluated in full against nsgs, and `sweep` the time of a sweep of
-both.
+`auto` is auto-fc against the fastest of eight of their solvers, chosen afterwards for every problem and tolerance,
+`nsgs` is NSGS with the error evaluated in full against nsgs, and `sweep` the time of a sweep of both.
 Their object and our `setup` are made once and are not in the time; what `setup` takes is printed beside it.
 """
 
@@ -32,8 +29,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import one_core
-import race_rows
+import one_race
 from lcp_against_siconos import LONGEST, PAIRS, SHORTEST, loop
 
 FINER = (("", 1.0), (" /10", 0.1), (" /100", 1e-2), (" /1000", 1e-3))
@@ -43,8 +39,6 @@ PATIENCE = 8.0
 SLOW = 0.5
 """A solve that takes longer than this is raced in fewer pairs."""
 SWEEPS = 20_000
-FEW = 50
-"""Contacts up to which the first call is raced alone."""
 MEASURED_SWEEPS, FEWEST = 120, 12
 """Sweeps of the longer of two runs whose difference is the time of sweeps, the shorter has a sixth; less where one side
 comes to rest earlier, and there is no race where that takes less than FEWEST."""
@@ -213,10 +207,10 @@ class Row:
         """Slower, or not solved where they solved."""
         return self.ratio < 1.0 or (self.theirs.solved and not self.ours.solved)
 
-    def as_data(self) -> race_rows.Race:
+    def as_data(self) -> one_race.Race:
         ratio = None if math.isnan(self.ratio) else self.ratio
         who = self.theirs.name, self.ours.name
-        return race_rows.Race(f"contact {self.what}", self.problem, self.nc, self.tolerance, ratio, self.lost, *who)
+        return one_race.Race(f"contact {self.what}", self.problem, self.nc, self.tolerance, ratio, self.lost, *who)
 
     def __str__(self) -> str:
         cells = [
@@ -269,29 +263,6 @@ def ours_on(name: str, problem: Any, tolerance: float, iterations: int | None = 
     side.seconds = side.measure(1)
     side.told = f"{name}: {output.message[-70:]}" if output.message else name
     return side, setup
-
-
-def call_on(problem: Any, tolerance: float) -> Side:
-    """The first compiled call of auto-fc; not solved where there are others."""
-    import numpy as np
-
-    from cpbench.formulations import FCPoint
-    from cpbench.verification import judge
-    from cpbench_solvers.contact.auto import AutoContactOptions
-    from cpbench_solvers.contact.sweeps import block_rows
-
-    way, sweeps = block_rows(problem).accelerated, AutoContactOptions().sweeps
-    work = np.empty(way.size)
-
-    def call() -> None:
-        work[0] = 0.0  # from the beginning
-        way.kernel(*way.arguments, work, tolerance, sweeps, False)
-
-    side = Side("first call", lambda repeats: loop(call, 1, repeats))
-    side.seconds = side.measure(3)
-    verdict = judge(problem, FCPoint(r=work[way.answer].copy()), tolerance)
-    side.error, side.solved = verdict.error, verdict.solved
-    return side
 
 
 def theirs_on(siconos: Siconos, label: str, solver: str, problem: Any, tolerance: float, measure: str | None) -> Side:
@@ -385,10 +356,6 @@ def rows_of(
             row = Row(what, name, problem.nc, tolerance, best, mine, setup=setup)
             row.race()
             yield row
-            if what == "auto" and problem.nc <= FEW and (call := call_on(problem, tolerance)).solved:
-                row = Row("kernel", name, problem.nc, tolerance, best, call)
-                row.race()
-                yield row
 
 
 def main(
@@ -407,7 +374,7 @@ def main(
                 rows.append(row)
                 print(f"# {row}", file=sys.stderr, flush=True)
         siconos.close()
-    race_rows.write(path, [row.as_data() for row in rows])
+    one_race.write(path, [row.as_data() for row in rows])
     rows.sort(key=lambda row: (not row.lost, not math.isnan(row.ratio), row.ratio))
     print(f"{'ratio':>7s}  {'least to most':16s} {'race':5s} {'problem':36s} {'nc':>5s} {'tol':5s}", end="")
     print(f" {'theirs [ms] (error)':>18s} {'ours [ms] (error)':>18s} {'setup':>8s}  theirs / ours")
@@ -438,7 +405,7 @@ if __name__ == "__main__":
     parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    one_core.hold()
+    one_race.hold()
     if arguments.serve:
         serve(arguments.serve)
     else:

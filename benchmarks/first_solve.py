@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import race_rows
+import one_race
 
 WARM_MOST, FRESH_MOST = 0.8, 15.0
 """Seconds that are allowed."""
@@ -110,10 +110,10 @@ def main(names: list[str], repeats: int, path: Path | None, *, empty: bool) -> N
         print(f"# {seconds:6.3f} {name}: {told}", flush=True)
     limit = FRESH_MOST if empty else WARM_MOST
     which = "first ever" if empty else "first warm"
-    race_rows.write(
+    one_race.write(
         path,
         [
-            race_rows.race(which, name, 0, limit / seconds, f"{limit:g} s", f"{seconds:.2f} s")
+            one_race.race(which, name, 0, limit / seconds, f"{limit:g} s", f"{seconds:.2f} s")
             for seconds, name, _ in found
         ],
     )

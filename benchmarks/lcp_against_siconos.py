@@ -12,8 +12,7 @@ number their tests use: a time counts only where all answers of a side are withi
 `lemke` and `pivot` measure our lemke as it is delivered: up to 250 unknowns it begins at w = q as theirs do, beyond
 at the basis that a few sweeps point to.
 `best` takes on each side the fastest that solved, chosen afterwards, and names it. `kernel` is the compiled loop of
-lemke from M and q to z, called as Siconos' function is called, and `batch-2` the same for all problems in one call on
-two threads, in wall time on both sides, which says something where two cores are free.
+lemke from M and q to z, called as Siconos' function is called.
 """
 
 from __future__ import annotations
@@ -33,15 +32,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import one_core
-import race_rows
+import one_race
 
 TOLERANCE = 1e-8
 SWEEPS = 2_000
 """Who needs more is not the fastest."""
 PAIRS = 7
-MANY = 100
-"""Copies of the problems in one call on several threads."""
 SHORTEST = 2e-3
 """Seconds that one measurement lasts at least: problems are solved again until then."""
 LONGEST = 12.0
@@ -91,21 +87,19 @@ def how_many(n: int) -> int:
     return max(1, min(64, 640 // n)) if n < 1000 else 1
 
 
-def loop(solve_all: Callable[[], object], count: int, repeats: int, wall: bool = False) -> float:
-    """Seconds per problem of `repeats` rounds over all of them: of processor time, for others on the machine wait
-    too, or of wall time."""
-    clock = time.perf_counter if wall else time.process_time
-    before = clock()
+def loop(solve_all: Callable[[], object], count: int, repeats: int) -> float:
+    """Seconds of processor time per problem of `repeats` rounds over all of them."""
+    before = time.process_time()
     for _ in range(repeats):
         solve_all()
-    return (clock() - before) / (repeats * count)
+    return (time.process_time() - before) / (repeats * count)
 
 
 # ---------------------------------------------------------------- their side, under the system's Python
 
 
 def serve(folder: Path) -> None:
-    """Answers lines {"set", "solver", "repeats", "wall"} by {"seconds"}; answers are kept in z-SET-SOLVER.npy."""
+    """Answers lines {"set", "solver", "repeats"} by {"seconds"}; answers are kept in z-SET-SOLVER.npy."""
     import numpy as np
     import siconos.numerics as sn  # pyright: ignore[reportMissingImports]
 
@@ -138,7 +132,7 @@ def serve(folder: Path) -> None:
                 w[:] = 0.0
                 call(problem, z, w, options)
 
-        seconds = loop(solve_all, len(loaded[label]), asked["repeats"], asked["wall"])
+        seconds = loop(solve_all, len(loaded[label]), asked["repeats"])
         np.save(folder / f"z-{label}-{solver}.npy", np.array([z for _, z, _ in loaded[label]]))
         replies.write(json.dumps({"seconds": seconds}) + "\n")
         replies.flush()
@@ -201,11 +195,11 @@ class Row:
         self.ratios = [a / b for a, b in times]
         self.theirs.seconds, self.ours.seconds = (statistics.median(column) for column in zip(*times, strict=True))
 
-    def as_data(self) -> race_rows.Race:
+    def as_data(self) -> one_race.Race:
         ratio = None if math.isnan(self.ratio) else self.ratio
         lost = self.theirs.solved and (ratio is None or ratio < 1.0)
         names = self.theirs.name, self.ours.name
-        return race_rows.Race(f"lcp {self.what}", f"{self.family} n={self.n}", self.n, TOLERANCE, ratio, lost, *names)
+        return one_race.Race(f"lcp {self.what}", f"{self.family} n={self.n}", self.n, TOLERANCE, ratio, lost, *names)
 
     def __str__(self) -> str:
         shown = [
@@ -226,13 +220,13 @@ class Siconos:
             [python, __file__, "--serve", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
-    def side(self, label: str, solver: str, wall: bool = False) -> Side:
+    def side(self, label: str, solver: str) -> Side:
         import numpy as np
 
         def measure(repeats: int) -> float:
             assert self._process.stdin
             assert self._process.stdout
-            asked = {"set": label, "solver": solver, "repeats": repeats, "wall": wall}
+            asked = {"set": label, "solver": solver, "repeats": repeats}
             self._process.stdin.write(json.dumps(asked) + "\n")
             self._process.stdin.flush()
             return json.loads(self._process.stdout.readline())["seconds"]
@@ -290,37 +284,13 @@ def kernel(problems: list) -> Side:
     return Side("kernel", lambda repeats: loop(solve_all, len(data), repeats), lambda: [z for _, _, z in data])
 
 
-def batch(problems: list) -> Side:
-    """All problems in one call on two threads, MANY times over, for threads take time to start, in wall time."""
-    import numpy as np
-
-    from cpbench.formulations import LCP
-    from cpbench.formulations.stack import Stack
-    from cpbench_solvers.stacks import solve_lcp
-
-    M, q = np.array([p.M for p in problems] * MANY), np.array([p.q for p in problems] * MANY)
-    stack, found = Stack.of_arrays(LCP, {"M": M, "q": q}), [None]
-
-    def solve_all() -> None:
-        found[0] = solve_lcp(stack, 0.0, 2)["z"]
-
-    def measure(repeats: int) -> float:
-        with one_core.let_go():
-            return loop(solve_all, len(q), repeats, wall=True)
-
-    return Side("batch-2", measure, lambda: found[0][: len(problems)])
-
-
 RACES = {
     "lemke": (("lexicolemke",), ("lemke",)),
     "pivot": (("pivot",), ("lemke",)),
     "kernel": (("lexicolemke",), ("kernel",)),
-    "batch-2": (("lexicolemke",), ("batch-2",)),
     "best": (tuple(SICONOS), tuple(OURS)),
 }
 """Race -> their candidates, ours."""
-SMALL_ONLY = ("kernel", "batch-2")
-"""Not for n = 1000, where lemke is more than one compiled loop."""
 
 
 def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Path) -> Iterator[Row]:
@@ -333,26 +303,23 @@ def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Pat
     label = f"{family}-{n}"
     np.savez(folder / f"{label}.npz", M=np.array([M for M, _ in data]), q=np.array([q for _, q in data]))
     problems = [LCP(M=M, q=q) for M, q in data]
-    probed: dict[tuple[bool, str, bool], Side] = {}
+    probed: dict[tuple[bool, str], Side] = {}
 
-    compiled = {"kernel": kernel, "batch-2": batch}
-
-    def fastest(names: tuple[str, ...], is_ours: bool, wall: bool) -> Side:
+    def fastest(names: tuple[str, ...], is_ours: bool) -> Side:
         for name in names:
-            if (is_ours, name, wall) in probed:
+            if (is_ours, name) in probed:
                 continue
-            ours_by = compiled.get(name, partial(native, name))
-            side = ours_by(problems) if is_ours else siconos.side(label, name, wall)
+            ours_by = kernel if name == "kernel" else partial(native, name)
+            side = ours_by(problems) if is_ours else siconos.side(label, name)
             side.probe(problems)
-            probed[is_ours, name, wall] = side
-        return replace(min((probed[is_ours, name, wall] for name in names), key=lambda side: side.seconds))
+            probed[is_ours, name] = side
+        return replace(min((probed[is_ours, name] for name in names), key=lambda side: side.seconds))
 
     for what in races:
-        if n >= 1000 and what in SMALL_ONLY:
-            continue
+        if n >= 1000 and what == "kernel":
+            continue  # there lemke is more than one compiled loop
         theirs, ours = RACES[what]
-        wall = what == "batch-2"
-        row = Row(what, family, n, fastest(theirs, False, wall), fastest(ours, True, wall))
+        row = Row(what, family, n, fastest(theirs, False), fastest(ours, True))
         row.race(len(problems))
         yield row
 
@@ -367,13 +334,10 @@ def main(python: str, families: list[str], sizes: list[int], races: list[str], p
                     rows.append(row)
                     print(f"# {row}", file=sys.stderr, flush=True)
         siconos.close()
-    race_rows.write(path, [row.as_data() for row in rows])
+    one_race.write(path, [row.as_data() for row in rows])
     rows.sort(key=lambda row: (not math.isnan(row.ratio), row.ratio >= 1.0))
-    print(
-        f"{'ratio':>8s}  {'least to most':18s} {'race':11s} {'family':16s} {'n':>5s}  {'theirs [us] (error)':>19s}",
-        end="",
-    )
-    print(f" {'ours [us] (error)':>19s}  theirs / ours")
+    head = f"{'ratio':>8s}  {'least to most':18s} {'race':11s} {'family':16s} {'n':>5s}"
+    print(f"{head}  {'theirs [us] (error)':>19s} {'ours [us] (error)':>19s}  theirs / ours")
     for row in rows:
         print(row)
     for what in dict.fromkeys(row.what for row in rows):
@@ -393,7 +357,7 @@ if __name__ == "__main__":
     parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    one_core.hold()
+    one_race.hold()
     if arguments.serve:
         serve(Path(arguments.serve))
     else:

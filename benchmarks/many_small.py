@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import one_core
+import one_race
 
 FEWER = 2000
 ROUNDS = 3
@@ -184,7 +184,7 @@ def main(python: str, count: int, names: list[str]) -> None:
         kind, tolerance, data = getattr(cp, class_name), TOLERANCES[name], make(np.random.default_rng(2026), count)
         print(f"{name}: {count:,} problems at {tolerance:g}", flush=True)
         ours(kind, data, tolerance, 1)
-        with one_core.let_go():
+        with one_race.let_go():
             ours(kind, data, tolerance, 2)
         if name in SICONOS:
             some = {key: a[:FEWER] for key, a in data.items()}
@@ -201,5 +201,5 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=100_000, help="problems of each set")
     parser.add_argument("--sets", default=",".join(MAKERS), help="of " + ", ".join(MAKERS))
     arguments = parser.parse_args()
-    one_core.hold()
+    one_race.hold()
     main(arguments.python, arguments.count, arguments.sets.split(","))

@@ -2,7 +2,7 @@
 
     python benchmarks/million_rows.py                               10,000 problems x 100 labels, then 100,000 x 10
     python benchmarks/million_rows.py --problems 2000 --labels 50   smaller
-    python benchmarks/million_rows.py --only means --profile        where one of them spends its time
+    python benchmarks/million_rows.py --only means                  one of them alone
 
 The table is made up (`made_up_rows`).
 
@@ -17,11 +17,9 @@ the sum that is judged, `with the commands` the sum of everything.
 from __future__ import annotations
 
 import argparse
-import cProfile
 import gc
 import json
 import os
-import pstats
 import resource
 import subprocess
 import sys
@@ -79,7 +77,7 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "matrix of times": lambda: rows_of.times(rows),
         "groups": lambda: rows_of.groups(rows),
         "performance profile": lambda: profiles.performance_profile(times),
-        "profile: envelope, areas": lambda: _read(profiles.performance_profile(times)),
+        "profile: envelope, areas": lambda: profiles.performance_profile(times).by_height(),
         "profile of iterations": lambda: profiles.performance_profile(
             metrics.matrix(rows, metrics.metric("iterations", rows)), floor=1.0
         ),
@@ -114,10 +112,6 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
     return {
         "compare two runs of half": lambda: compare(ComparisonSide("base", half), ComparisonSide("new", again)),
     }
-
-
-def _read(profile: profiles.Profile) -> Any:
-    return profile.by_height()
 
 
 def measured(call: Callable[[], Any]) -> dict[str, Any]:
@@ -170,20 +164,9 @@ def prepared(problems: int, labels: int, seed: int) -> tuple[Data, dict[str, dic
     return data, first
 
 
-def told(calls: Mapping[str, Callable[[], Any]], only: str, profile: bool) -> dict[str, dict[str, Any]]:
-    """What was measured of the calls with `only` in their name; with `profile` they are profiled here instead."""
-    found: dict[str, dict[str, Any]] = {}
-    for name, call in calls.items():
-        if only not in name:
-            continue
-        if profile:
-            profiler = cProfile.Profile()
-            profiler.runcall(call)
-            print(f"\n{name}")
-            pstats.Stats(profiler).sort_stats("cumulative").print_stats(25)
-        else:
-            found[name] = measured(call)
-    return found
+def told(calls: Mapping[str, Callable[[], Any]], only: str) -> dict[str, dict[str, Any]]:
+    """What was measured of the calls with `only` in their name."""
+    return {name: measured(call) for name, call in calls.items() if only in name}
 
 
 def report(found: Mapping[str, Mapping[str, Any]], asked: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -222,7 +205,6 @@ def main() -> None:
     parser.add_argument("--labels", type=int)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="Statistics with this in their name.")
-    parser.add_argument("--profile", action="store_true", help="Where they spend their time, in this process.")
     given = parser.parse_args()
     if given.problems is None and given.labels is None:
         shapes = [["--problems", str(problems), "--labels", str(labels)] for problems, labels in SHAPES]
@@ -231,8 +213,8 @@ def main() -> None:
     size = data.rows.memory_usage(deep=False).sum() + data.started.memory_usage(deep=False).sum()
     problems, labels = data.times.shape
     print(f"\n{problems} problems x {labels} labels, {len(data.rows)} rows, columns of {size / 1e9:.2f} GB")
-    found |= told(statistics(data), given.only, given.profile)
-    over = report(found, told(commands(data), given.only, given.profile))
+    found |= told(statistics(data), given.only)
+    over = report(found, told(commands(data), given.only))
     print("PASS" if not over else f"over: {'; '.join(over)}", flush=True)
     sys.exit(bool(over))
 

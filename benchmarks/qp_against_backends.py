@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import one_core
-import race_rows
+import one_race
 import scipy.sparse as sp
 
 from cpbench.formulations import QP
@@ -133,13 +132,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the ratios there, too")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    one_core.hold()
+    one_race.hold()
     known = set(solvers.names())
     names = [n for n in (*NATIVE, *BACKENDS) if n in known and solvers.get(n).availability().ok]
     for name in names:
         solvers.get(name).warmup()
     lines: list[tuple[float, str]] = []
-    races: list[race_rows.Race] = []
+    races: list[one_race.Race] = []
     for family, make in FAMILIES.items():
         if arguments.only not in family:
             continue
@@ -165,8 +164,8 @@ def main() -> None:
         ratio = math.exp(sum(logs) / len(logs))
         lines.append((ratio, f"{family:26}  {winners[-1]}"))
         theirs, ours = ("/".join(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
-        races.append(race_rows.race("qp best", family, size, ratio, theirs, ours, tolerance=arguments.tolerance))
-    race_rows.write(arguments.json, races)
+        races.append(one_race.race("qp best", family, size, ratio, theirs, ours, tolerance=arguments.tolerance))
+    one_race.write(arguments.json, races)
     print("backend / native  family, best native, best backend (last seed)")
     for ratio, line in sorted(lines):
         print(f"{ratio:16.2f}  {line}{'   LOSS' if ratio < 1.0 else ''}")
