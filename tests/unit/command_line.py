@@ -23,8 +23,9 @@ from cpbench.solvers.external import declared
 from cpbench.testing import conduct
 
 
-def cpbench(folder: Path, *arguments: str) -> CompletedProcess[str]:
+def cpbench(folder: Path, *words: object) -> CompletedProcess[str]:
     """What `cpbench` with these arguments, called in a folder, ends with and prints."""
+    arguments = [*map(str, words)]
     out, err, code = io.StringIO(), io.StringIO(), 0
     with (
         mock.patch.object(sys, "argv", ["cpbench", *arguments]),
@@ -38,7 +39,7 @@ def cpbench(folder: Path, *arguments: str) -> CompletedProcess[str]:
             code = int(leave.code or 0)
         for handler in logging.getLogger("cpbench.run").handlers:  # a process closes its log when it ends
             handler.close()
-    return CompletedProcess(list(arguments), code, out.getvalue(), err.getvalue())
+    return CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
 
 
 def exit_code(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
@@ -51,7 +52,7 @@ def exit_code(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     return 0
 
 
-def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedProcess[str]:
+def with_plugins(folder: Path, *words: object, **variables: str) -> CompletedProcess[str]:
     """The same for a command that loads plugins, which are forgotten after it, and with variables of its own."""
     with contextlib.ExitStack() as stack:
         for registry in conduct.REGISTRIES.values():
@@ -63,7 +64,7 @@ def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedPr
         stack.enter_context(mock.patch.object(plugged, "_read", set()))
         stack.enter_context(mock.patch.object(declared, "_declared", {}))
         stack.enter_context(mock.patch.dict(os.environ, {PLUGIN_FILES: "", DECLARED: "", **variables}))
-        return cpbench(folder, *arguments)
+        return cpbench(folder, *words)
 
 
 def of_others(item: object) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sqlite3
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -28,7 +27,7 @@ from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.conversions.base import make
-from cpbench.errors import StoreError, UnknownName
+from cpbench.errors import UnknownName
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
 from cpbench.foundation import frames
 from cpbench.foundation.factorization import Factorization
@@ -192,24 +191,6 @@ def test_answers_are_kept_as_asked(slot: Slot, tmp_path: Path, keep: str, kept: 
     execute([slot], store, planned, seed=0)
     assert len(list(store.answers())) == kept
     store.close()
-
-
-def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
-    text = tmp_path / "text.sqlite"
-    text.write_text("no database" * 100)
-    with pytest.raises(StoreError, match="not a results file"):
-        Store(text)
-    newer = tmp_path / "newer.sqlite"
-    db = sqlite3.connect(newer)
-    for table in ("rows", "answers", "meta"):
-        db.execute(f"CREATE TABLE {table} (key TEXT)")
-    db.execute("PRAGMA user_version=99")
-    db.commit()
-    db.close()
-    with pytest.raises(StoreError, match="schema 99"):
-        Store(newer, create=True)
-    with pytest.raises(StoreError, match="no such results file"):
-        Store(tmp_path / "absent.sqlite")
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
+from command_line import cpbench
 from storage_cases import cases
 
 from cpbench import storage
-from cpbench.cli import main
 
 CASES = cases()
-
-
-def convert(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["cpbench", "convert", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as done:
-        return int(done.code or 0)
-    return 0
 
 
 @pytest.mark.parametrize(
@@ -40,12 +28,10 @@ def convert(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
         ("afc-dense-5", "out.h5", ("--as", "native")),
     ],
 )
-def test_written(
-    name: str, out: str, options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_written(name: str, out: str, options: tuple[str, ...], tmp_path: Path) -> None:
     problem, target = CASES[name], tmp_path / out
     storage.save(problem, tmp_path / "in.h5")
-    assert convert(monkeypatch, tmp_path / "in.h5", target, "--to", problem.node, *options) == 0
+    assert cpbench(tmp_path, "convert", "in.h5", out, "--to", problem.node, *options).returncode == 0
     again = storage.load(target, format=options[1] if target.suffix == ".txt" else None)
     assert (again.node, again.fingerprint) == (problem.node, problem.fingerprint)
 
@@ -60,17 +46,9 @@ def test_written(
         ("relay-dense-7", "out.dat", ("--as", "siconos-lpc"), "unknown format 'siconos-lpc': did you mean siconos-lcp"),
     ],
 )
-def test_refused(
-    name: str,
-    out: str,
-    options: tuple[str, ...],
-    reason: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_refused(name: str, out: str, options: tuple[str, ...], reason: str, tmp_path: Path) -> None:
     problem = CASES[name]
     storage.save(problem, tmp_path / "in.h5")
-    assert convert(monkeypatch, tmp_path / "in.h5", tmp_path / out, "--to", problem.node, *options) == 2
-    assert reason in capsys.readouterr().err
+    done = cpbench(tmp_path, "convert", "in.h5", out, "--to", problem.node, *options)
+    assert (done.returncode, reason in done.stderr) == (2, True), done.stderr
     assert not (tmp_path / out).exists()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,9 +9,9 @@ import numpy as np
 import psutil
 import pytest
 import scipy.sparse as sp
+from command_line import cpbench
 
 from cpbench import storage
-from cpbench.cli import main
 from cpbench.formulations import FrictionContact
 
 
@@ -24,24 +23,15 @@ def contact(tmp_path: Path) -> Path:
     return path
 
 
-def convert(monkeypatch: pytest.MonkeyPatch, contact: Path, *options: str) -> int:
-    out = contact.with_name("lcp.h5")
-    arguments = ["cpbench", "convert", str(contact), str(out), "--to", "lcp", "--via", "inner", *options]
-    monkeypatch.setattr(sys, "argv", arguments)
-    try:
-        main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    return 0
-
-
-def test_what_would_not_fit_is_refused_with_its_size(contact: Path, monkeypatch, capsys) -> None:
+def test_what_would_not_fit_is_refused_with_its_size(contact: Path, monkeypatch) -> None:
     free = SimpleNamespace(available=10_000)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: free)
-    assert convert(monkeypatch, contact) == 2
+    words = ("convert", contact.name, "lcp.h5", "--to", "lcp", "--via", "inner")
+    done = cpbench(contact.parent, *words)
+    assert done.returncode == 2
     # 81 entries of W's block and 17 of K, of 12 bytes; 10 rows a contact
     size = f"400 rows, {40 * 98} entries, {(40 * 98 * 12 + 401 * 4) / 1e3:.3g} kB at most"
-    assert size in capsys.readouterr().err
+    assert size in done.stderr
     assert not contact.with_name("lcp.h5").exists()
     free.available = 1_000_000
-    assert convert(monkeypatch, contact) == 0
+    assert cpbench(contact.parent, *words).returncode == 0

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 import sqlite3
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import command_line
 import pandas as pd
 import pytest
 from synthetic_results import row, suite
@@ -18,7 +18,6 @@ from tiers import some_by_day
 from cpbench.analysis.comparison import ComparisonSide, compare
 from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store
-from cpbench.cli import main
 from cpbench.report.comparison import markdown
 
 NAMES = (*PLANNED, *MEASURED)
@@ -46,18 +45,12 @@ def made(tmp_path: Path) -> Make:
 
 
 @pytest.fixture
-def cpbench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+def cpbench() -> Callable[..., tuple[int, str, str]]:
     """Exit code, what was printed, and what was said on stderr."""
 
     def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cpbench", "compare", *map(str, words)])
-        code = 0
-        try:
-            main()
-        except SystemExit as leave:
-            code = int(leave.code or 0)
-        told = capsys.readouterr()
-        return code, told.out, told.err
+        done = command_line.cpbench(Path.cwd(), "compare", *words)
+        return done.returncode, done.stdout, done.stderr
 
     return run
 

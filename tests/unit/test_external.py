@@ -19,11 +19,11 @@ from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations import LCP
 from cpbench.formulations.linear import LCPPoint
 from cpbench.solvers.base import Budget, Claim, SolverSpec, solvers
-from cpbench.solvers.external import served, session
+from cpbench.solvers.external import session
 from cpbench.solvers.external.command import CommandSolver
 from cpbench.solvers.external.served import ServedSolver
 from cpbench.solvers.external.session import ProgramError, Session
-from cpbench.testing import cases, checks
+from cpbench.testing import cases
 
 PROBLEM = LCP(M=np.array([[2.0, 1.0], [0.0, 4.0]]), q=np.array([-4.0, -4.0]), name="two")
 ANSWER = np.array([1.5, 1.0])
@@ -148,16 +148,6 @@ def test_a_refusal_leaves_the_program_running(program, tmp_path: Path) -> None:
         solver.run(PROBLEM, Budget(seconds=0.125))
     assert solver.run(PROBLEM).claim is Claim.SOLVED
     assert _starts(tmp_path) == 1
-
-
-@pytest.mark.nightly
-def test_one_that_does_not_heed_its_limit_is_killed(program, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(served, "backstop", lambda seconds: 2 * seconds)
-    solver = program()
-    with pytest.raises(ProgramError, match=r"did not answer solve within 0\.5 s"):
-        solver.run(PROBLEM, Budget(seconds=0.25))
-    assert not _programs()
-    assert solver.run(PROBLEM).claim is Claim.SOLVED
 
 
 def test_solvers_of_one_program_greet_it_once(program, tmp_path: Path) -> None:
@@ -287,17 +277,6 @@ def test_any_registered_solver_is_served_and_answers_as_it_does_here() -> None:
                 np.testing.assert_array_equal(mine.point.z, theirs.point.z)
                 assert theirs.reported is not None
         assert there.version() == here.version()
-    finally:
-        there.close()
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("check", some_by_day(["check_claims_are_true", "check_answers_have_their_shape"], 1))
-def test_a_served_solver_conforms_as_any(check: str) -> None:
-    command = [sys.executable, "-m", "cpbench.solvers.external.serve", "lemke"]
-    there = ServedSolver(solvers.get("lemke").spec, command)
-    try:
-        checks("solver")[check](there, cases("lcp"))
     finally:
         there.close()
 

@@ -6,8 +6,10 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
+from command_line import cpbench as in_process
 from tiers import some_by_day
 
 from cpbench.bench import availability
@@ -128,8 +130,8 @@ def test_columns_are_as_wide_as_their_widest_cell() -> None:
 
 
 @pytest.mark.parametrize("arguments", some_by_day(["formats nsgs", "formats --all"], 1))
-def test_what_makes_no_sense_is_refused(arguments: str) -> None:
-    done = subprocess.run([sys.executable, "-m", "cpbench", "list", *arguments.split()], capture_output=True, text=True)
+def test_what_makes_no_sense_is_refused(tmp_path: Path, arguments: str) -> None:
+    done = in_process(tmp_path, "list", *arguments.split())
     assert done.returncode == 2
     assert done.stderr.startswith("cpbench: ")
     assert done.stderr.count("\n") == 1

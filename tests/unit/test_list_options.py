@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import numpy as np
 import pytest
+from command_line import cpbench
 
 from cpbench import storage
-from cpbench.cli import cli, main
+from cpbench.cli import cli
 from cpbench.cli.options import ListOption
 from cpbench.formulations import LCP
 
@@ -49,12 +49,7 @@ def test_repeated_is_the_same_as_between_commas(path: str, option: ListOption) -
         (["convert", "p.h5", "x.h5", "--set", "s=1", "--set", "s=2"], "s is 1 and 2: give it once"),
     ],
 )
-def test_two_values_within_one_option(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], said: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_two_values_within_one_option(tmp_path: Path, words: list[str], said: str) -> None:
     storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="p"), tmp_path / "p.h5")
-    monkeypatch.setattr(sys, "argv", ["cpbench", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert (ended.value.code, said in capsys.readouterr().err) == (2, True)
+    done = cpbench(tmp_path, *words)
+    assert (done.returncode, said in done.stderr) == (2, True), done.stderr

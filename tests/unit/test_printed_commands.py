@@ -8,20 +8,18 @@ from __future__ import annotations
 import ast
 import re
 import shlex
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import click
 import numpy as np
 import pytest
+from command_line import with_plugins
 from tiers import some_by_day
 
 import cpbench as package
 from cpbench import storage
-from cpbench.cli import cli, main
+from cpbench.cli import cli
 from cpbench.formulations import LCP, FrictionContact
 
 ROOT = Path(package.__file__).parent
@@ -29,32 +27,15 @@ Run = Callable[..., str]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    """The command line in this process, in an empty folder; what it said. No call has the plugins of the one before."""
-    monkeypatch.chdir(tmp_path)
+def run(tmp_path: Path) -> Run:
+    """The command line in an empty folder; what it said. No call has the plugins of the one before."""
 
     def called(*words: object, rc: int = 0) -> str:
-        with monkeypatch.context() as patch:
-            patch.setenv("CPBENCH_PLUGINS", "")
-            patch.setattr(sys, "argv", ["cpbench", *map(str, words)])
-            code = 0
-            try:
-                main()
-            except SystemExit as leave:
-                code = int(leave.code or 0)
-        said = capfd.readouterr()
-        assert code == rc, said.out + said.err
-        return said.out + said.err
+        done = with_plugins(tmp_path, *words)
+        assert done.returncode == rc, done.stdout + done.stderr
+        return done.stdout + done.stderr
 
     return called
-
-
-def apart(*words: object, folder: Path) -> str:
-    """A command in a process of its own: what it loads is forgotten."""
-    command = [sys.executable, "-m", "cpbench", *map(str, words)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=500)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
 
 
 def write_lcp(folder: Path, name: str, n: int = 3) -> Path:
@@ -64,32 +45,6 @@ def write_lcp(folder: Path, name: str, n: int = 3) -> Path:
 
 
 # --------------------------------------------------------------------------------------- taken from an output
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("lang", ["python", "cpp"])
-def test_new(run: Run, tmp_path: Path, lang: str) -> None:
-    if lang == "cpp" and not (shutil.which("make") and shutil.which("c++")):
-        pytest.skip("needs a program: a C++ compiler, apt-get install g++")
-    said = run("new", "solver", "mine", "--node", "qp", "--lang", lang, "-o", "a folder")
-    for line in re.findall(r"^next: (.*)$", said, re.MULTILINE):
-        words = shlex.split(line)
-        if words[0] == "cpbench":
-            assert " passed" in apart(*words[1:], "--quiet", folder=tmp_path)
-        else:
-            subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, timeout=300)
-
-
-@pytest.mark.nightly
-def test_new_ci_names_what_it_was_given(run: Run, tmp_path: Path) -> None:
-    """The script begins with its options: it gets as far as the commit to compare with, which this folder has not."""
-    subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
-    (tmp_path / "mine.toml").write_text("")
-    said = run("new", "ci", "mine.toml", "--host", "shell", "--build", "make all")
-    (line,) = re.findall(r"^next: (.*)$", said, re.MULTILINE)
-    assert line == "bash compare.sh --solver mine.toml --build 'make all' --base 'HEAD~1'"
-    done = subprocess.run(shlex.split(line), cwd=tmp_path, capture_output=True, text=True, timeout=100)
-    assert "no commit 'HEAD~1' here" in done.stderr
 
 
 @pytest.mark.parametrize(

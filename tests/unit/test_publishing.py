@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import cpbench
 from matplotlib.text import Text
 from synthetic_results import meta, row, table
 from written_reports import write_report
@@ -17,7 +17,6 @@ from written_reports import write_report
 from cpbench import storage
 from cpbench.analysis.participation import absences, participating, restricted
 from cpbench.bench.results.store import Store
-from cpbench.cli import main
 from cpbench.formulations import LCP
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing
@@ -91,22 +90,16 @@ def test_reasons_are_counted_by_solver() -> None:
 
 
 @pytest.mark.nightly
-def test_the_command_leaves_them_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_leaves_them_out(tmp_path: Path) -> None:
     storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu"), tmp_path / "p.h5")
-    monkeypatch.chdir(tmp_path)
-    _cpbench(monkeypatch, "run", "p.h5", "-s", "lemke", "-s", "bpp", "-o", "r.sqlite", "--no-report", "--plan", "none")
-    with Store("r.sqlite", create=True) as store:
+    cpbench(tmp_path, "run", "p.h5", "-s", "lemke", "-s", "bpp", "-o", "r.sqlite", "--no-report", "--plan", "none")
+    with Store(tmp_path / "r.sqlite", create=True) as store:
         told = store.meta()["solvers"]
         assert told["bpp"]["publishing"] == ""
         store.set_meta(solvers={**told, "bpp": {**told["bpp"], "publishing": TERMS}})
-    _cpbench(monkeypatch, "report", "r.sqlite", "-o", "whole")
-    assert TERMS in Path("whole/report.md").read_text()
-    _cpbench(monkeypatch, "report", "r.sqlite", "-o", "open", "--publishable")
-    assert TERMS not in Path("open/report.md").read_text()
-    assert set(pd.read_csv("open/results.csv")["solver"]) == {"lemke"}
-    assert math.isfinite(pd.read_csv("open/results.csv")["time"].iloc[0])
-
-
-def _cpbench(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
-    monkeypatch.setattr(sys, "argv", ["cpbench", *arguments])
-    main()
+    cpbench(tmp_path, "report", "r.sqlite", "-o", "whole")
+    assert TERMS in Path(tmp_path, "whole/report.md").read_text()
+    cpbench(tmp_path, "report", "r.sqlite", "-o", "open", "--publishable")
+    assert TERMS not in Path(tmp_path, "open/report.md").read_text()
+    assert set(pd.read_csv(tmp_path / "open/results.csv")["solver"]) == {"lemke"}
+    assert math.isfinite(pd.read_csv(tmp_path / "open/results.csv")["time"].iloc[0])

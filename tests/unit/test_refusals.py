@@ -10,15 +10,13 @@ from pathlib import Path
 import h5py
 import pandas as pd
 import pytest
-from command_line import cpbench, with_plugins
+from command_line import with_plugins
 
 import cpbench as cp
 from cpbench.analysis.cautions import clocks
 from cpbench.bench.messages import Result, Seconds
 from cpbench.bench.outcome import LATE, LATE_SHARE, marks, runners_time
-from cpbench.bench.worker import _counters
 from cpbench.errors import FormatError
-from cpbench.foundation.text import cell, on_one_line
 
 
 def _lcp(path: Path, shift: float = 0.0) -> Path:
@@ -49,17 +47,6 @@ def test_every_damaged_header_is_refused_in_one_line(text: bytes, tmp_path: Path
     with pytest.raises(FormatError) as refusal:
         cp.load(path)
     assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_a_file_that_was_named_and_refused_ends_with_1(tmp_path: Path) -> None:
-    _lcp(tmp_path / "good.h5")
-    (tmp_path / "broken.h5").write_bytes(b"no numbers")
-    args = ["run", "good.h5", "-s", "lemke", "-o", "r.sqlite", "--no-report", "-q", "--repeats", "1"]
-    assert cpbench(tmp_path, *args).returncode == 0
-    done = cpbench(tmp_path, *args[:2], "broken.h5", *args[2:])
-    assert done.returncode == 1
-    assert "named and not read: broken.h5" in done.stderr
 
 
 GONE = '[solver.gone]\nnode = "lcp"\ncommand = "./no-such-program {problem} {answer}"\n'
@@ -119,16 +106,6 @@ def test_twin_keys_of_json_are_refused(tmp_path: Path) -> None:
     path.write_text('{"name": "a", "version": {"major": 1, "minor": 7}, "name": "b"}')
     with pytest.raises(FormatError, match="has the key name twice"):
         cp.load(path)
-
-
-def test_negative_counters_are_not_kept() -> None:
-    kept, notes = _counters({"pivots": -7, "sweeps": 0, "steps": 12})
-    assert kept == {"sweeps": 0, "steps": 12}
-    assert notes == ["the counter pivots is no integer from 0 to 2^63, and not kept"]
-
-
-def test_new_lines_in_names_are_text() -> None:
-    assert cell("a\nb") == on_one_line("a\nb") == "a\\nb"
 
 
 def test_a_clock_that_is_not_believed_gives_the_runners_time() -> None:

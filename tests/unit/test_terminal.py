@@ -4,16 +4,15 @@ a line."""
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import cpbench
 from tiers import some_by_day
 
 from cpbench import storage
-from cpbench.cli import main
 from cpbench.conversions import conversions
 from cpbench.formulations import LCP, FrictionContact
 from cpbench.solvers.base import solvers
@@ -22,18 +21,10 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    monkeypatch.chdir(tmp_path)
-
+def run(tmp_path: Path) -> Run:
     def called(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["cpbench", *map(str, words)])
-        code = 0
-        try:
-            main()
-        except SystemExit as leave:
-            code = int(leave.code or 0)
-        said = capsys.readouterr()
-        return code, said.out, said.err
+        done = cpbench(tmp_path, *words)
+        return done.returncode, done.stdout, done.stderr
 
     return called
 

@@ -213,7 +213,8 @@ def _counted(**counters: object) -> tuple[dict[str, int], str]:
 def test_counters_are_few_short_and_of_64_bits() -> None:
     """What is left out is said; so many that their names alone take seconds are not looked at."""
     assert _counted(iterations=7, sweeps=np.int32(3)) == ({"iterations": 7, "sweeps": 3}, "")
-    assert _counted(a=1.5, b=2) == ({"b": 2}, "the counter a is no integer from 0 to 2^63, and not kept")
+    for bad in (1.5, -7):
+        assert _counted(a=bad, b=2) == ({"b": 2}, "the counter a is no integer from 0 to 2^63, and not kept")
     counted, note = _counted(a=10**5000, b=2**63 - 1, c=2**62)
     assert (counted, note.startswith("the counter a is no")) == ({"b": 2**63 - 1, "c": 2**62}, True)
     counted, notes = worker._counters({"x" * 10**6: 1})
