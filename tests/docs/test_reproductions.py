@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from cpbench.foundation.matrices import dense
 from cpbench.solvers import Budget, solvers
 from cpbench.solvers.base import Claim
+from cpbench_problems.generators.lcp_hard import cycling
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "reports" / "reproductions"
@@ -47,42 +48,10 @@ def test_a_page_is_that_of_its_table(pages: ModuleType, name: str) -> None:
     assert (FOLDER / f"{name}.md").read_text("utf-8") == pages.text(name) + "\n"
 
 
-def test_newton_min_in_exact_arithmetic(measured: ModuleType) -> None:
-    """Plain Newton-min from -e1 comes back to its first set of indices after n steps, over the rationals."""
+def test_newton_min_cycles_on_the_problem_of_the_collection(measured: ModuleType) -> None:
+    """Whose cycle of n sets a test of its generator follows over the rationals."""
     for n in range(3, 9):
-        M = [[Fraction(x).limit_denominator(6) for x in row] for row in measured.ben_gharbia_gilbert_matrix(n)]
-        x = [Fraction(-int(i == 0)) for i in range(n)]
-        seen = [_negative(M, x)]
-        while seen.count(seen[-1]) == 1:
-            x = _next(M, seen[-1])
-            seen.append(_negative(M, x))
-        assert len(seen) - 1 - seen.index(seen[-1]) == n
-
-
-def _negative(M: list[list[Fraction]], x: list[Fraction]) -> frozenset[int]:
-    """Return the indices at which Mx + q is the smaller of the two, for q = e."""
-    return frozenset(i for i, row in enumerate(M) if sum(map(_product, row, x), Fraction(1)) < x[i])
-
-
-def _product(a: Fraction, b: Fraction) -> Fraction:
-    return a * b
-
-
-def _next(M: list[list[Fraction]], chosen: frozenset[int]) -> list[Fraction]:
-    """Solve (Mx + e)_i = 0 for the chosen i and x_i = 0 for the others, by Gauss and Jordan."""
-    n, keep = len(M), sorted(chosen)
-    rows = [[M[i][j] for j in keep] + [Fraction(-1)] for i in keep]
-    for k in range(len(keep)):
-        pivot = next(r for r in range(k, len(keep)) if rows[r][k])
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        rows[k] = [value / rows[k][k] for value in rows[k]]
-        for r in range(len(keep)):
-            if r != k:
-                rows[r] = [value - rows[r][k] * other for value, other in zip(rows[r], rows[k], strict=True)]
-    x = [Fraction(0)] * n
-    for k, i in enumerate(keep):
-        x[i] = rows[k][-1]
-    return x
+        np.testing.assert_array_equal(measured.ben_gharbia_gilbert_matrix(n), dense(cycling(n).problem.M))
 
 
 def test_paths_on_cyclic_polytopes(measured: ModuleType) -> None:

@@ -132,15 +132,6 @@ def test_all_routes_begin_with(source, target):
     assert labels(source, target, graph.ALL)[: len(expected)] == expected
 
 
-def test_candidates_come_by_cost_then_label():
-    for source, target in itertools.product(formulations.names(), repeat=2):
-        found = graph.candidates(source, target, graph.ALL)
-        assert found == sorted(found, key=lambda route: (route.cost, route.label)), (source, target)
-        assert len({route.label for route in found}) == len(found)
-        for route in found:
-            assert len(set(route.nodes)) == len(route.nodes), route.label
-
-
 def test_the_pinned_pairs_are_all_pairs():
     assert {node for pair in PAIRS for node in pair} <= set(formulations.names())
 

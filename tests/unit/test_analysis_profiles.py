@@ -13,10 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from synthetic_results import row, suite
 
-from cpbench.analysis import table as rows_of
-from cpbench.analysis.metrics import METRICS, matrix
 from cpbench.analysis.profiles import FLOOR, Curve, Profile, performance_profile, ratios
 
 INF = math.inf
@@ -205,33 +202,3 @@ def test_one_zero_touches_no_other_problem() -> None:
     assert float(theirs["b"]) / float(theirs["a"]) == pytest.approx(1.099, abs=1e-3)
     assert ratios(table, floor=1e-6).loc["p0", "b"] == pytest.approx(100.0)
     assert table.loc["p1", "a"] == 0.0, "the input is not changed"
-
-
-def liars() -> pd.DataFrame:
-    """Rows of a run with one more solver: fastest on every problem, by every measure, and wrong on each."""
-    run = suite(30, 12)
-    lies = [
-        row(str(problem), "liar", "wrong", 1e-9, counters='{"iterations": 1}', cpu=1e-9, peak=1.0, reported=1e-9)
-        for problem in run["problem"].unique()
-    ]
-    count = np.random.default_rng(0).integers(1, 99, len(run))
-    run["counters"] = [f'{{"iterations": {k}}}' for k in count]
-    return rows_of.normalised(pd.DataFrame([*run.to_dict("records"), *lies]).assign(peak=3e6, reported=1.0))
-
-
-@pytest.mark.parametrize("name", list(METRICS))
-def test_a_liar_is_last_at_every_ratio(name: str) -> None:
-    """qpbenchmark keeps the time of a wrong answer: the liar has the best mean, and all others look slow beside it."""
-    rows = liars()
-    values = matrix(rows, METRICS[name])
-    profile = performance_profile(values, floor=METRICS[name].floor)
-    assert profile.by_height()[-1].at(INF) == 0.0
-    (liar,) = [curve for curve in profile.curves if curve.label == "liar"]
-    assert liar.solved == 0, "at 0 for every τ, so nobody lies below it"
-    honest = performance_profile(values.drop(columns="liar"), floor=METRICS[name].floor)
-    for one, other in zip(honest.curves, (c for c in profile.curves if c.label != "liar"), strict=True):
-        assert numbers_of(one) == numbers_of(other), "it takes nobody's lead"
-
-
-def numbers_of(curve: Curve) -> tuple[object, ...]:
-    return curve.label, curve.ratios.tolist(), curve.count, curve.problems

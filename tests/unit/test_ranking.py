@@ -38,15 +38,6 @@ def test_the_fastest_of_a_tier_comes_first() -> None:
     )
 
 
-def test_a_solver_that_solves_few_is_not_ranked_by_speed() -> None:
-    [found] = _ranked(
-        *(row(p, "steady", "solved", 4.0) for p in "abc"),
-        row("a", "quick", "solved", 1.0),
-        *(row(p, "quick", "failed", 0.1) for p in "bc"),
-    )
-    assert found.sentence == "lcp: a hint from 3 problems: steady solves 3 of 3, alone on 2."
-
-
 @pytest.mark.parametrize("status", ["unsupported", "unavailable", "not_run"])
 def test_pairs_not_started_count_against_no_solver(status: str) -> None:
     [found] = _ranked(
@@ -97,26 +88,6 @@ def test_the_leader_of_a_part_of_the_problems_says_so() -> None:
     assert found.sentence == "lcp: a hint from 2 problems: some solves 1 of 1 (2 problems in all), alone on 1."
 
 
-def test_one_solver_and_none_that_solves() -> None:
-    [one] = _ranked(row("a", "s", "solved", 1.0))
-    assert one.sentence == "lcp: only s ran: it solves 1 of 1 problem."
-    [none] = _ranked(row("a", "s", "failed", 1.0), row("a", "t", "timeout"))
-    assert none.sentence == "lcp: no solver solved the problem."
-    assert math.isnan(none.rows[0].median)
-    assert math.isnan(none.rows[0].factor)
-
-
-def test_problems_without_a_solution_are_counted_separately() -> None:
-    [found] = _ranked(
-        row("a", "s", "solved", 1.0),
-        row("a", "t", "solved", 2.0),
-        row("b", "s", "infeasible", 1.0),
-        row("b", "t", "failed", 1.0),
-    )
-    assert {r.solver: (r.solved, r.started) for r in found.rows} == {"s": (1, 1), "t": (1, 1)}
-    assert found.sentence.endswith("fastest on 1. 1 more was proved to have no solution.")
-
-
 def test_warnings_are_counted() -> None:
     [found] = _ranked(
         row("a", "s", "solved", 1.0, start="previous", started="cold: first step"),
@@ -126,13 +97,6 @@ def test_warnings_are_counted() -> None:
         sheets={"s": {"launches": True}, "t": {"launches": True}},
     )
     assert found.rows[0].warnings == (LAUNCHES, "claims that fail 1", "fell back to cold 1", "timeouts 1")
-
-
-def test_a_leader_that_claims_falsely_is_named() -> None:
-    [found] = _ranked(
-        *(row(p, "s", "solved", 1.0) for p in "ab"), row("c", "s", "wrong", 1.0), row("a", "t", "solved", 1.0)
-    )
-    assert "claims that fail 1, so check its answers" in found.sentence
 
 
 def test_an_approximate_route_is_marked() -> None:
