@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from sources import module_name, modules
+from sources import module_name, modules, parsed
 
 from cpbench.errors import DuplicateName
 from cpbench.formulations import formulations
@@ -21,9 +20,9 @@ MANY = 4
 """Names of formulations in one literal that make it a list."""
 
 
-def lists(path: Path, nodes: frozenset[str]) -> Iterator[int]:
+def lists(tree: ast.Module, nodes: frozenset[str]) -> Iterator[int]:
     """Lines of the literals of a module that name many formulations."""
-    for item in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for item in ast.walk(tree):
         parts = item.keys if isinstance(item, ast.Dict) else getattr(item, "elts", ())
         named = {part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)}
         if len(named & nodes) >= MANY:
@@ -32,14 +31,13 @@ def lists(path: Path, nodes: frozenset[str]) -> Iterator[int]:
 
 def test_few_modules_list_formulations() -> None:
     nodes = frozenset(formulations.names())
-    found = {module_name(path): line for path in modules() for line in lists(path, nodes)}
+    found = {module_name(path): line for path in modules() for line in lists(parsed(path), nodes)}
     assert len(found) <= MOST, f"enter what they say in a NodeTable or on the classes: {found}"
 
 
-def test_a_list_of_formulations_is_detected(tmp_path: Path) -> None:
-    file = tmp_path / "module.py"
-    file.write_text('A = ("lcp", "qp", "fc")\nB = {"lcp": 1, "qp": 2, "fc": 3, "vi": 4}\n')
-    assert list(lists(file, frozenset(formulations.names()))) == [2]
+def test_a_list_of_formulations_is_detected() -> None:
+    tree = ast.parse('A = ("lcp", "qp", "fc")\nB = {"lcp": 1, "qp": 2, "fc": 3, "vi": 4}\n')
+    assert list(lists(tree, frozenset(formulations.names()))) == [2]
 
 
 def test_every_formulation_has_rows_for_the_judge() -> None:
