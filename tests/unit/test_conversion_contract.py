@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
 from tiers import some_by_day
-
-sys.path.insert(0, str(Path(__file__).parent))
-import planted
 
 from cpbench import graph
 from cpbench.conversions.base import Conversion, conversions, find_via, make

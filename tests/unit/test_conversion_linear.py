@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
+import planted
 import pytest
 import scipy.sparse as sp
-
-sys.path.insert(0, str(Path(__file__).parent))
-import planted
 
 from cpbench import graph, storage
 from cpbench.conversions.base import make

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from tiers import some_by_day
-
-sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import cases, same
+from tiers import some_by_day
 
 from cpbench.errors import FormatError
 from cpbench.formulations.exchange import exchanges

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 import tracemalloc
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,11 @@ import h5py
 import mpmath
 import numpy as np
 import pytest
+from drawn_cases import draw
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiers import by_night
-
-sys.path.insert(0, str(Path(__file__).parent))
-from drawn_cases import draw
 from mof_schema import violations
+from tiers import by_night
 
 from cpbench import storage
 from cpbench.errors import FormatError

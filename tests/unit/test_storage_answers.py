@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import h5py
@@ -10,10 +9,8 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
-from tiers import some_by_day
-
-sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import cases, same
+from tiers import some_by_day
 
 from cpbench import __version__, storage
 from cpbench.errors import FormatError, PointError

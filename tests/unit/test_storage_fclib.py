@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,8 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from tiers import some_by_day
-
-sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import cases, same
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.errors import FormatError

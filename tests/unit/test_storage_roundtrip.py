@@ -13,15 +13,12 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-
-from cpbench import storage
-from cpbench.formulations import LCP
-from cpbench.foundation.matrices import matrix
-
-sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import INFO, cases, same
 
+from cpbench import storage
 from cpbench.errors import FormatError
+from cpbench.formulations import LCP
+from cpbench.foundation.matrices import matrix
 from cpbench.storage import base
 
 CASES = cases()
