@@ -3,7 +3,7 @@
     python benchmarks/against_siconos.py [--data FOLDER] [--parts lcp,contact,...] [--rows] [--picture FILE]
 
 Runs the races of the scripts beside it, one after the other: LCP and contact against Siconos, QPs against the installed
-backends, first solves against the clock. A ratio is their time over ours. FOLDER holds real files of contact; without
+backends. A ratio is their time over ours. FOLDER holds real files of contact; without
 it only generated problems are raced. Printed first is every race that was lost, or not solved where they solved; then a
 line for each requirement with the least and the geometric mean of its ratios. About 25 minutes on a quiet machine.
 """
@@ -78,8 +78,6 @@ ASKED = (
     ),
     *(Asked(f"auto-fc to {t:.0e}, best of eight", "contact auto", 1, 4, 5, tolerance=t) for t in (1e-4, 1e-8)),
     Asked("QP, best native against best backend", "qp best", 0.5),
-    Asked("first solve in a warm worker: 0.8 s / time", "first warm", 1),
-    Asked("first solve ever: 15 s / time", "first ever", 1),
 )
 
 
@@ -88,8 +86,6 @@ def parts(data: Path | None) -> dict[str, list[str]]:
     table = {
         "lcp": ["lcp_against_siconos.py", "--sizes", "5,10,20,50,1000"],
         "qp": ["qp_against_backends.py"],
-        "first": ["first_solve.py"],
-        "fresh": ["first_solve.py", "--fresh"],
     }
     if data is not None:
         races = ["--races", "auto,nsgs,sweep", "--most", str(FEW_CONTACTS)]
@@ -119,8 +115,7 @@ def draw(rows: list[Race], path: Path) -> None:
     matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    rivals = [asked for asked in ASKED if not asked.race.startswith("first")]
-    works = [asked for asked in rivals if any(asked.of(row) and row.ratio is not None for row in rows)]
+    works = [asked for asked in ASKED if any(asked.of(row) and row.ratio is not None for row in rows)]
     figure, axes = plt.subplots(figsize=(8, 0.32 * len(works) + 1.0), layout="constrained")
     for line, asked in enumerate(reversed(works)):
         ratios = sorted(row.ratio for row in rows if asked.of(row) and row.ratio is not None)
@@ -156,7 +151,7 @@ def raced(data: Path | None, chosen: list[str]) -> list[Race]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="real files of contact problems")
-    parser.add_argument("--parts", default="lcp,contact,qp,first,fresh")
+    parser.add_argument("--parts", default="lcp,contact,qp")
     parser.add_argument("--rows", action="store_true", help="print every race, too")
     parser.add_argument("--picture", type=Path, help="draw the ratios there (.png, .svg)")
     asked_for = parser.parse_args()

@@ -271,15 +271,14 @@ def kernel(problems: list) -> Side:
     """Lemke's compiled loop, one call a problem."""
     import numpy as np
 
-    from cpbench.foundation.kernel_cache import load
+    from cpbench_solvers.kernels.pivoting import lemke
 
-    pivot = load("cpbench_solvers.kernels.pivoting").lemke
     limit = 50 * problems[0].q.size + 1000
     data = [(np.array(p.M), np.array(p.q), np.zeros(p.q.size)) for p in problems]
 
     def solve_all() -> None:
         for M, q, z in data:
-            pivot(M, q, z, limit, 1e-11, 1e-13)
+            lemke(M, q, z, limit, 1e-11, 1e-13)
 
     return Side("kernel", lambda repeats: loop(solve_all, len(data), repeats), lambda: [z for _, _, z in data])
 

@@ -5,7 +5,6 @@ They come in as those of any other package do, by the entry point `cpbench.plugi
 
 import pkgutil
 
-from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import solvers
 
 KERNELS = f"{__name__}.kernels"
@@ -13,4 +12,3 @@ GROUPS = [m.name for m in pkgutil.iter_modules(__path__, f"{__name__}.") if m.is
 """Packages of formulations that share their mathematics."""
 
 solvers.include(*GROUPS)
-kernel_cache.include(KERNELS)

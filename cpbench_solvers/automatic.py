@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 from cpbench.formulations.base import Problem
-from cpbench.foundation.kernel_cache import load_all
-from cpbench.solvers import clock, warming
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -61,8 +60,6 @@ class AutomaticChoice(Solver):
 
     members: ClassVar[tuple[str, ...]]
     """Every solver that `phases` may name."""
-    kernels: ClassVar[tuple[str, ...]] = ()
-    """Modules that take long to compile and that one or the other of them needs: they are compiled side by side."""
 
     def error(self, problem: Any, point: Any, tolerance: float) -> float:
         """Return the error of an answer of which no member of our own says that it is solved."""
@@ -74,21 +71,13 @@ class AutomaticChoice(Solver):
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
-        solver = warming.ready(phases[0].solver, quickly=True)
+        solver = solvers.get(phases[0].solver)
         if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
         given = phases[0].options
         own = solver.spec.options(**given) if given else _default(solver.spec.options)
         first = solver.setup(solver.hand_over(problem), budget, own)
         return Plan(problem, phases, first, own, solver if phases[0].iterations is None else None)
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", self.kernels)
-        for name in self.members:
-            warming.warm_up(solvers.get(name))
-
-    def warmup_quickly(self) -> None:
-        """Leave it to `setup` and `solve`, which warm a solver up when it is asked."""
 
     def solve(
         self, prepared: Plan, budget: Budget, options: Any, start: Any = None, record: Record | None = None
@@ -169,12 +158,12 @@ class _Run:
         """Whether there is nothing left to find, or to find it with."""
         budget = self._budget
         spent = budget.iterations is not None and self._iterations >= budget.iterations
-        return self._ended is not None or spent or clock.now() > self._deadline
+        return self._ended is not None or spent or time.perf_counter() > self._deadline
 
     def ask(self, phase: SolverPhase) -> None:
         """Run one solver, as far as its phase and the budget allow."""
         # `setup` has warmed up the first
-        solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
+        solver = solvers.get(phase.solver)
         share = self._share(phase)
         takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
         start, record = self._best if takes else None, self._recorder()

@@ -13,9 +13,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cpbench.formulations.stack import Stack
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import power_of_two
 from cpbench_solvers.contact.sweeps import MEMORY
+from cpbench_solvers.kernels import anderson, contact_batch, mlcp_batch, pivoting_batch
 from cpbench_solvers.lcp.lemke_run import LemkeOptions, pivot_limit
 from cpbench_solvers.mlcp.claims import equilibration
 from cpbench_solvers.mlcp.pivoting import LemkeMLCPOptions
@@ -33,7 +33,7 @@ PIECE = 4096
 def solve_lcp(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Pivot by Lemke's method, which ends in a basis: the tolerance is not asked."""
     M, q = stack.arrays["M"], stack.arrays["q"]
-    pivoting, options = compiled(load("cpbench_solvers.kernels.pivoting_batch").lemke_batch), LemkeOptions()
+    pivoting, options = pivoting_batch.lemke_batch, LemkeOptions()
     limit, tolerances = pivot_limit(q.shape[1]), (options.pivot_tolerance, options.tie_tolerance)
     z = np.zeros(q.shape)
     in_parts(stack.count, threads, lambda some: pivoting(M[some], q[some], z[some], limit, *tolerances))
@@ -44,9 +44,9 @@ def solve_fc(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Sweep with Anderson's acceleration until the error of a solver is within the tolerance."""
     W, q, mu = (stack.arrays[name] for name in ("W", "q", "mu"))
     dimension, r = stack.others.get("dimension", 3), np.zeros(q.shape)
-    sweeps = load("cpbench_solvers.kernels.contact_batch").contact_batch
+    sweeps = contact_batch.contact_batch
     memory = min(MEMORY, q.shape[1])
-    size = load("cpbench_solvers.kernels.anderson").work_size(q.shape[1], mu.shape[1], memory)
+    size = anderson.work_size(q.shape[1], mu.shape[1], memory)
 
     def part(some: slice) -> None:
         sweeps(W[some], q[some], mu[some], dimension, memory, tolerance, SWEEPS, np.empty(size), r[some])
@@ -110,7 +110,7 @@ def _mixed(count: int, free: int, N: int, data: Callable[[slice], tuple[Any, Any
     data : makes K (p, N, N) and k (p, N) of some problems.
     """
     options, x = LemkeMLCPOptions(), np.zeros((count, N))
-    pivoting = load("cpbench_solvers.kernels.mlcp_batch").mlcp_batch
+    pivoting = mlcp_batch.mlcp_batch
     head = np.array([free, 1.0, 0.0, options.rank_tolerance, options.pivot_tolerance, options.tie_tolerance])
 
     def part(some: slice) -> None:

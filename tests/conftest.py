@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -18,13 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpbench import registry
 from cpbench.bench.processes.launch import THREAD_VARIABLES
-from cpbench.foundation import kernel_cache
+from cpbench.foundation import kernel_build, kernels
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
 for _variable in THREAD_VARIABLES:  # as in a run; numba takes no other number once its threads are there
     os.environ[_variable] = "1"
+os.environ[kernels.CHECKED] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ.get("CPBENCH_TEST_BLAS_THREADS", "1")  # of .ci/arithmetics
 for _variable in ("COLUMNS", "LINES"):  # readline, which pytest imports, leaves them to parallel runs
     os.environ.pop(_variable, None)
@@ -77,23 +76,12 @@ def shared_data() -> Path:
     return folder
 
 
-_COMPILE = "import sys; from cpbench.foundation.kernel_cache import load; [load(name) for name in sys.argv[1:]]"
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels that are not in the cache by two processes before several workers start, else the workers
-    would wait for each other. One process alone compiles what its tests need."""
-    if not getattr(config.option, "tx", None) or hasattr(config, "workerinput"):
-        return
-    registry.load_plugins()  # they have kernels, too
-    modules = kernel_cache.modules()
-    files = [kernel_cache.file(name) for name in modules]
-    compiled = [index for folder in {file.parent for file in files} for index in folder.glob("__pycache__/*.nbi")]
-    if max(map(os.path.getmtime, compiled), default=0.0) < max(map(os.path.getmtime, files)):
-        print("compiling the kernels", file=sys.stderr, flush=True)
-        orders = (modules, modules[::-1])  # each begins at another end, and waits for what the other one is compiling
-        for process in [subprocess.Popen([sys.executable, "-c", _COMPILE, *order]) for order in orders]:
-            process.wait()  # a failure is that of the tests that need the kernel
+    """Compile the kernels that have changed since cpbench was installed."""
+    if not hasattr(config, "workerinput") and "cpbench_solvers" not in ABSENT:
+        errors = kernel_build.build(kernel_build.PACKAGES, [kernels.level()])
+        if errors and shutil.which("cc"):
+            pytest.exit("\n".join(errors), 2)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,8 +18,7 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.programs import NLP
 from cpbench.foundation.text import read_brackets
 from cpbench.graph import EXACT
-from cpbench.solvers import clock, warming
-from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers
+from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers, warm_up
 from cpbench.solvers.stopping import second_tolerance
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
 
@@ -84,7 +84,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
     if not (tolerance > 0 and seconds > 0):
         raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
     way = way_to(problem, solver)
-    warming.warm_up_quickly(way.solver)
+    warm_up(way.solver)
     return solve_there(problem, way, tolerance, seconds)[0]
 
 
@@ -194,11 +194,11 @@ def _judged(
     try:
         handed = solver.hand_over(way.problem)
         on_phase(SOLVE)
-        begun = clock.now()
+        begun = time.perf_counter()
         prepared = solver.setup(handed, budget, way.options)
-        between = clock.now()
+        between = time.perf_counter()
         output = solver.solve(prepared, budget, way.options, start)
-        spent |= {"setup": between - begun, "solve": clock.now() - between}
+        spent |= {"setup": between - begun, "solve": time.perf_counter() - between}
         output = solver.collect(output)
         on_phase(JUDGE)
     except (NotApplicable, Unavailable):

@@ -16,7 +16,7 @@ from multiprocessing.context import ForkServerContext
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.time_limits import START, WARM_UP
+from cpbench.bench.time_limits import START
 from cpbench.bench.worker_pool import describe_exit
 from cpbench.foundation import frames
 from cpbench.solvers.base import Solver, package_version, solvers
@@ -70,16 +70,16 @@ def glance(solver: Solver) -> SolverState:
     return SolverState(spec.name, "ok", version=solver.version())
 
 
-def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverState]:
+def examine(chosen: Iterable[Solver]) -> Iterator[SolverState]:
     """Yield the states of solvers as they become known: those of one guest are imported in one process, two processes
-    at a time. With `warm` they are warmed up too, so that compiled code is in the cache for the first run."""
+    at a time."""
     waiting: list[list[str]] = []
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
         glances = [(solver, glance(solver)) for solver in members]
-        known = [seen for _, seen in glances if seen.state == "missing" or (seen.state == "ok" and not warm)]
+        known = [seen for _, seen in glances if seen.state == "missing" or seen.state == "ok"]
         yield from known
         waiting.append([seen.name for _, seen in glances if seen not in known])
-    trial, pool = _Trial(context(1), warm), ThreadPoolExecutor(SIDE_BY_SIDE)
+    trial, pool = _Trial(context(1)), ThreadPoolExecutor(SIDE_BY_SIDE)
     try:
         for done in as_completed([pool.submit(trial.states, names) for names in waiting]):
             yield from done.result()
@@ -95,8 +95,8 @@ def _guest(solver: Solver) -> tuple[str, tuple[str, ...]]:
 class _Trial:
     """Processes that import guests, each started and waited for by a thread."""
 
-    def __init__(self, means: ForkServerContext, warm: bool) -> None:
-        self._means, self._warm = means, warm
+    def __init__(self, means: ForkServerContext) -> None:
+        self._means = means
         self._children: list[Child] = []
         self._stopped = False
 
@@ -117,16 +117,15 @@ class _Trial:
         """Return the states of the first solvers, up to and with the one that ended the process."""
         found: list[SolverState] = []
         child, why = None, ""
-        seconds = PATIENCE + (WARM_UP.floor if self._warm else 0.0)
         try:
-            child = Child(self._means, _main, (list(names), self._warm))
+            child = Child(self._means, _main, (list(names),))
             self._children.append(child)
             for name in names:
-                header, _ = frames.unpack(child.receive(seconds))
+                header, _ = frames.unpack(child.receive(PATIENCE))
                 found.append(SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"])))
             return found
         except TimedOut:
-            why = f"did not answer within {seconds:g} s"
+            why = f"did not answer within {PATIENCE:g} s"
         except Died as death:
             why = f"{death.output}\n{describe_exit(death)}".strip()
         except (frames.FrameError, KeyError) as noise:
@@ -138,15 +137,13 @@ class _Trial:
         return [*found, SolverState(names[len(found)], "broken", why)]
 
 
-def _main(channel: Channel, names: Sequence[str], warm: bool) -> None:
+def _main(channel: Channel, names: Sequence[str]) -> None:
     """Send one message for each solver; runs in the process."""
     for name in names:
         solver = solvers.get(name)
         try:
             state = solver.availability()
             result = {"state": state.state, "detail": state.detail, "version": solver.version() if state.ok else ""}
-            if state.ok and warm:
-                solver.warmup()
         except Exception:
             result = {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}
         channel.send_bytes(frames.pack(result))

@@ -18,13 +18,6 @@ class Starting:
 
 
 @dataclass(frozen=True)
-class Compiling:
-    """A solver compiles before it is ready, which takes seconds and happens once on each machine."""
-
-    solver: str
-
-
-@dataclass(frozen=True)
 class Solving:
     """A pair starts to run; on another machine, the first pair of a block."""
 
@@ -46,7 +39,7 @@ class Told:
     line: str
 
 
-Event: TypeAlias = Starting | Compiling | Solving | Done | Told
+Event: TypeAlias = Starting | Solving | Done | Told
 EventHandler: TypeAlias = Callable[[Event], None]
 
 

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("cpbench", "numpy", "scipy", "h5py", "numba", "qpsolvers", "cvxpy", "casadi", "pandas", "matplotlib")
+PACKAGES = ("cpbench", "numpy", "scipy", "h5py", "qpsolvers", "cvxpy", "casadi", "pandas", "matplotlib")
 
 
 def describe() -> dict[str, Any]:

@@ -231,10 +231,6 @@ class WarmingUp(Message):
     """The solver is found to be available."""
 
 
-class CompilingKernels(Message):
-    """Notice that kernels are not in the cache yet: no other message comes for seconds."""
-
-
 class Ready(Message):
     """The worker takes requests."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -109,17 +108,13 @@ class TimedConversions(graph.Memory):
     """Conversions, each done and timed once: whether the edge applies, and the step.
 
     What the search for routes computed of a problem (a factorization, a least eigenvalue) is cached with it; its
-    conversion starts without these, so that its time has all it needs. A conversion that had to load a compiled
-    kernel, which happens once in a process, is repeated.
+    conversion starts without these, so that its time has all it needs.
     """
 
     def __call__(self, edge: Conversion, problem: Problem) -> Problem:
         key = (id(problem), edge.label)
         if key not in self._done:
-            loaded = _kernels()
             converted, seconds = _timed(edge, problem)
-            if _kernels() != loaded:  # the first time has the loading of a kernel in it
-                converted, seconds = _timed(edge, problem)
             self._done[key] = (problem, converted, seconds)
         return self._done[key][1]
 
@@ -129,11 +124,6 @@ def _timed(edge: Conversion, problem: Problem) -> tuple[Problem, float]:
     begun = time.perf_counter()
     edge.require(fresh)
     return edge.step(fresh), time.perf_counter() - begun
-
-
-def _kernels() -> set[str]:
-    """Return the modules of compiled loops that this process has loaded."""
-    return {name for name in sys.modules if name.startswith(("numba", "cpbench.conversions.kernels"))}
 
 
 def _without_caches(problem: Problem) -> Problem:

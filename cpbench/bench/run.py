@@ -30,7 +30,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.slot import FELL_BACK, Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
-from cpbench.foundation import extensions, kernel_cache
+from cpbench.foundation import extensions
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 
@@ -87,7 +87,6 @@ def open_run(plan: RunPlan, builtin: Callable[[], Path], reading: Reading) -> Ge
 
     Raises CpbenchError where the plan cannot be executed.
     """
-    kernel_cache.ensure_cache_dir()  # before processes start: they inherit it
     with ExitStack() as stack:
         setting = Setting(plan.threads, plan.memory)
         count = 1 if plan.cluster else plan.jobs  # with Dask, problems are only read here

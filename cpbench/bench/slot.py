@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from cpbench.bench import messages
-from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
+from cpbench.bench.events import EventHandler, Starting, ignore_event
 from cpbench.bench.judging import PROOF_SECONDS
 from cpbench.bench.outcome import CLOCK, Times, late, marks, of_both, reason, runners_time, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
@@ -113,8 +113,7 @@ class Slot:
             for beside in missing[at : at + (os.cpu_count() or 1)]:
                 self.workers.begin(beside, wanted[beside].memory)
             limits = wanted[name]
-            on_compiling = lambda name=name: on_event(Compiling(name))  # noqa: E731
-            self.workers.get(name, limits.memory, limits.seconds, on_compiling)
+            self.workers.get(name, limits.memory, limits.seconds)
 
     def prepare(self, pair: Pair) -> messages.Prepared | Outcome:
         """Convert the pair's problem to its solver's node; the outcome of the pair where that fails.

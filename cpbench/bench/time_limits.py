@@ -1,7 +1,7 @@
 """Time limits of the phases of a run: that of a solve, but never less than the floor of the phase.
 
 Floors allow for what takes time on any machine however short the solves are: a slow disk, the start of another
-interpreter, a first compilation. A phase that exceeds its limit is killed with all that it started.
+interpreter, a package that compiles first. A phase that exceeds its limit is killed with all that it started.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Phase:
 
 START = Phase("start", 60.0, "imports of a solver's packages, first message of its program")
 """Julia answers after 5 to 20 s; the import of a package from a cold network disk takes as long."""
-WARM_UP = Phase("warm-up", 300.0, "compiling, once a machine; the warm-up of a program")
-"""The longest compilation takes 25 s alone on a slow machine, which it may share with other slots."""
+WARM_UP = Phase("warm-up", 300.0, "the `warmup` of a solver: what its package compiles first, or its program loads")
+"""Packages that compile when they are first called take half a minute on a slow machine."""
 LOAD = Phase("load", 30.0, "reading the converted problem, `obstacle`, handing over to a program")
 """A gigabyte is read from a slow disk in 10 s."""
 REFEREE = Phase("conversion", 120.0, "reading a file, converting, lifting, judging")

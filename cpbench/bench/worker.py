@@ -1,9 +1,8 @@
 """The process that runs one solver: it loads problems, warms up, solves and reports; it judges nothing.
 
-Messages in: `Solve`. Messages out: `WarmingUp` once the solver is found to be available, `CompilingKernels` where these
-are not in the cache yet, `Ready`, then for every request `ProblemLoaded`, `Result`, and where they are asked for
-`Repeats` and `Recorded`; or a `Failure`. The limit of a solve counts from `ProblemLoaded`; what goes before has its own
-(`time_limits`).
+Messages in: `Solve`. Messages out: `WarmingUp` once the solver is found to be available, `Ready`, then for
+every request `ProblemLoaded`, `Result`, and where they are asked for `Repeats` and `Recorded`; or a `Failure`. The
+limit of a solve counts from `ProblemLoaded`; what goes before has its own (`time_limits`).
 """
 
 from __future__ import annotations
@@ -29,10 +28,7 @@ from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import limit_address_space
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
-from cpbench.formulations import formulations
 from cpbench.formulations.base import Problem
-from cpbench.formulations.expressions.evaluation import load_interpreter
-from cpbench.foundation import kernel_cache
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
 
@@ -45,7 +41,7 @@ COUNTERS, NAME = 100, 100
 def main(connection: Channel, solver_name: str, memory: int, scratch: str = "") -> None:
     """Serve solves of one solver until the runner closes the connection; temporary files of the solver are below
     `scratch`, which the runner removes."""
-    gc.disable()  # imports and compilation leave hardly any garbage
+    gc.disable()  # imports leave hardly any garbage
     solver = solvers.get(solver_name)
     if scratch:  # before the guest is imported, whose code runs from then on
         tempfile.tempdir = os.environ["TMPDIR"] = tempfile.mkdtemp(prefix="worker-", dir=scratch)
@@ -54,10 +50,7 @@ def main(connection: Channel, solver_name: str, memory: int, scratch: str = "") 
         connection.send_bytes(messages.pack(messages.SolverUnavailable(available.detail[-WORDS:], available.state)))
         return
     connection.send_bytes(messages.pack(messages.WarmingUp()))
-    with kernel_cache.compiling_reported(lambda: connection.send_bytes(messages.pack(messages.CompilingKernels()))):
-        solver.warmup()
-        if formulations.get(solver.spec.node).has_maps():
-            load_interpreter()
+    solver.warmup()
     version = solver.version()
     gc.enable()
     limit_address_space(memory)  # after the warm-up: its memory is not charged to solves

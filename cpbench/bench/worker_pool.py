@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
@@ -126,25 +125,18 @@ class WorkerPool:
         with contextlib.suppress(Died):  # `get` tries again, and reports why
             self._begin(name, memory)
 
-    def get(
-        self,
-        name: str,
-        memory: int,
-        timeout: float = 0.0,
-        compiling: Callable[[], None] = lambda: None,
-    ) -> Child | None:
+    def get(self, name: str, memory: int, timeout: float = 0.0) -> Child | None:
         """Return the worker of a solver, with this memory limit; None where the solver is not available.
 
         timeout : limit of a solve, from which the limits of start and warm-up follow.
-        compiling : called when the worker has to compile first, which takes seconds and happens once a machine.
         """
         if not self.settled(name, memory):
             self.drop(name)
         if not self.ready(name, memory):
-            reply = self._warmed_up(name, memory, timeout, compiling)
+            reply = self._warmed_up(name, memory, timeout)
             for _ in range(AGAIN):
                 if isinstance(reply, messages.Gone):
-                    reply = self._warmed_up(name, memory, timeout, compiling)
+                    reply = self._warmed_up(name, memory, timeout)
             if isinstance(reply, messages.SolverUnavailable):
                 self.unavailable[name] = reply
             elif isinstance(reply, messages.Failure):
@@ -173,10 +165,8 @@ class WorkerPool:
         for name in list(self._children):
             self.drop(name)
 
-    def _warmed_up(
-        self, name: str, memory: int, timeout: float, compiling: Callable[[], None]
-    ) -> messages.Ready | messages.Failure:
-        """Wait until a new worker is ready; pass on that it has to compile, and drop it where it fails."""
+    def _warmed_up(self, name: str, memory: int, timeout: float) -> messages.Ready | messages.Failure:
+        """Wait until a new worker is ready, and drop it where it fails."""
         phase, reply = START, None
         try:
             if name not in self._begun:
@@ -184,11 +174,8 @@ class WorkerPool:
             child, begun = self._children[name], self._begun.pop(name)
             reply = hear(child, max(begun + START.limit(timeout) - time.monotonic(), 0.0))
             if isinstance(reply, messages.WarmingUp):
-                phase, over = WARM_UP, time.monotonic() + WARM_UP.limit(timeout)
-                reply = hear(child, over - time.monotonic())
-                if isinstance(reply, messages.CompilingKernels):
-                    compiling()
-                    reply = hear(child, over - time.monotonic())
+                phase = WARM_UP
+                reply = hear(child, WARM_UP.limit(timeout))
             if isinstance(reply, messages.Ready):
                 return reply
             if not isinstance(reply, messages.SolverUnavailable):

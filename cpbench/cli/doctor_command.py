@@ -12,13 +12,12 @@ from cpbench.bench.availability import SolverState
 from cpbench.cli.list_command import HEAD, RESTRICTED, cells
 from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
-from cpbench.foundation import kernel_cache
+from cpbench.foundation import kernels
 from cpbench.solvers.base import solvers
 
 
 @click.command()
-@click.option("--warm", is_flag=True, help="Compile and load every solver and conversion now.")
-def command(warm: bool) -> None:
+def command() -> None:
     """Say what works on this machine, and how to install what does not.
 
     The package of every solver is imported in a separate process, so that a package that crashes or hangs is reported
@@ -27,11 +26,8 @@ def command(warm: bool) -> None:
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     chosen = list(solvers)
-    if warm:
-        click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
-        for module in kernel_cache.modules("cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels"):
-            kernel_cache.load(module)
-    states = availability.examine(chosen, warm)
+    click.echo(f"kernels      {kernels.described()}")
+    states = availability.examine(chosen)
     seen = {one.name: one for one in shown_progress(states, len(chosen), "trying solvers")}
     print_lines(fitted(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width())))
 

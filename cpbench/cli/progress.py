@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from cpbench.bench.events import Compiling, Event, Observer, Solving, Starting, Told
+from cpbench.bench.events import Event, Observer, Solving, Starting, Told
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.terminal import print_lines
 from cpbench.foundation.text import counted, on_one_line, summary
@@ -108,10 +108,6 @@ class Display(Observer):
         doing = ""
         if isinstance(event, Starting):
             doing = f"starting {event.solver}"
-        elif isinstance(event, Compiling):
-            doing = compiling(event.solver)
-            if not self._quiet and self._bar is None:
-                click.echo(doing, err=True)
         elif isinstance(event, Solving):
             doing = f"{event.pair.label} on {event.pair.problem}, at most {event.pair.limits.seconds:g} s"
         elif isinstance(event, Told):
@@ -153,8 +149,3 @@ class Display(Observer):
         )
         self._bar.add_task("", total=self._total, counts="", doing="")
         self._bar.start()
-
-
-def compiling(solver: str) -> str:
-    """Return the message while a solver compiles, so that it is not taken for a solve that hangs."""
-    return f"{solver}: compiling its loops, once on this machine (cpbench doctor --warm does so for all solvers)"

@@ -74,7 +74,7 @@ def command(timeout: float, memory: int, threads: int, as_json: bool, file_forma
         from cpbench.bench.planning.plan import Limits
         from cpbench.cli.solve_process import SolveRequest, solve_alone
     asked = SolveRequest(**given, limits=Limits(timeout, memory, threads, repeats=1), format=file_format)
-    told = solve_alone(asked, _say_compiling)
+    told = solve_alone(asked)
     for line in [json.dumps(told["record"])] if as_json else told["lines"]:
         click.echo(line)
     if asked.output is not None and not told["written"]:
@@ -84,9 +84,3 @@ def command(timeout: float, memory: int, threads: int, as_json: bool, file_forma
         print_lines([f"answer: {asked.output}"], err=as_json)
     if not told["good"]:
         sys.exit(1)
-
-
-def _say_compiling(solver: str) -> None:
-    from cpbench.cli.progress import compiling
-
-    click.echo(compiling(solver), err=True)

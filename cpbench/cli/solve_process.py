@@ -1,13 +1,13 @@
 """The solve of one problem of a file as `cpbench.solve` does it, in a process of its own with limits.
 
-What a solve loads or compiles is off the clock, and counts as no memory of it.
+What the solver loads before its first solve is not in the time of the solve, nor in its memory.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,17 +18,15 @@ from cpbench.api.solving import JUDGE, Way, solve_there, way_to
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.places import located
-from cpbench.bench.processes.alone import FIRST, OFF, SOLVE, Stopped, Work, run_alone
+from cpbench.bench.processes.alone import FIRST, SOLVE, WARMING, Stopped, Work, run_alone
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP
 from cpbench.cli.answered import Answered
 from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
-from cpbench.foundation import kernel_cache
 from cpbench.foundation.extensions import hook
 from cpbench.generators.collection import builtin_folder
-from cpbench.solvers import clock, warming
 from cpbench.solvers.base import Trait
 from cpbench.solvers.external import folder
 from cpbench.storage.base import require_new
@@ -70,20 +68,22 @@ def reply(asked: SolveRequest, answered: Answered) -> dict[str, Any]:
     return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
 
 
-def solve_alone(asked: SolveRequest, on_compiling: Callable[[str], None]) -> dict[str, Any]:
-    """Solve as asked, or list all solutions; return what `reply` does. `on_compiling` takes the name of a solver that
-    compiles first. Raises CpbenchError where there is nothing to solve."""
+def solve_alone(asked: SolveRequest) -> dict[str, Any]:
+    """Solve as asked, or list all solutions; return what `reply` does.
+
+    Raises CpbenchError where there is nothing to solve.
+    """
     seconds, known = asked.limits.seconds, {"problem": "", "node": "?", "solver": asked.solver}
     around = REFEREE.limit(seconds)
-    limits = {FIRST: START.limit(seconds) + around, OFF: WARM_UP.limit(seconds), JUDGE: around, SOLVE: seconds + GRACE}
-
-    def on_note(note: Mapping[str, Any]) -> None:
-        known.update(note)
-        if "compiling" in note:
-            on_compiling(note["compiling"])
+    limits = {
+        FIRST: START.limit(seconds) + around,
+        WARMING: WARM_UP.limit(seconds),
+        JUDGE: around,
+        SOLVE: seconds + GRACE,
+    }
 
     try:
-        found = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, on_note)
+        found = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, known.update)
     except Stopped as stopped:
         found = _stopped(stopped, seconds, limits)
     finally:
@@ -149,13 +149,9 @@ def _answered(asked: SolveRequest, work: Work) -> Answered:
         if policy.warm:
             point, started = _start(policy, problem, way, address, asked.tolerance)
             known = replace(known, started=started)
-        work.begin(OFF)
-        with kernel_cache.compiling_reported(lambda: work.say(compiling=way.name)):
-            warming.warm_up_quickly(way.solver)
-            clock.listen(work.off_the_clock)
-            solution, there = solve_there(
-                problem, way, asked.tolerance, asked.limits.seconds, point, on_phase=work.begin
-            )
+        work.begin(WARMING)
+        way.solver.warmup()
+        solution, there = solve_there(problem, way, asked.tolerance, asked.limits.seconds, point, on_phase=work.begin)
     except (NotApplicable, Unavailable) as refusal:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
         refused = replace(known, status=str(status), message=str(refusal))

@@ -16,11 +16,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.conversions.base import Size
-from cpbench.foundation import kernel_cache, matrices
+from cpbench.conversions.kernels import congruence as kernel
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, index_dtype
 
 COMPILED_ABOVE = 500_000
-"""Entries of W above which the compiled loop is used: SciPy then takes longer than it takes to import numba."""
+"""Entries of W above which the compiled loop is used: SciPy's products are as fast below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,6 @@ class Congruence:
         return M
 
     def _compiled(self, W: Sparse, coefficients: Dense) -> Sparse:
-        kernel = kernel_cache.load("cpbench.conversions.kernels.congruence")
         nc, d = coefficients.shape[0], self.d
         height, width = self.left.shape[1], self.right.shape[1]
         # a W of full blocks needs no counting, and the kernel sees at once whether it is one
@@ -134,7 +134,6 @@ def count_blocks(W: Sparse, d: int) -> NDArray[np.int64]:
     """Count the d x d blocks with an entry that the rows of every contact have, shape (nc,)."""
     nc = W.shape[0] // d
     if W.nnz > COMPILED_ABOVE:
-        kernel = kernel_cache.load("cpbench.conversions.kernels.congruence")
         blocks, index = np.empty(nc, np.int64), index_dtype(W.nnz, *W.shape)
         at = np.empty(d, np.int64)
         kernel.count_blocks(W.indptr.astype(index, copy=False), W.indices.astype(index, copy=False), at, blocks)

@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import math
 import sys
+import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -22,7 +23,6 @@ from cpbench.formulations.stack import Stack
 from cpbench.foundation.extensions import ADAPTERS, NATIVE
 from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
-from cpbench.solvers import clock
 from cpbench.solvers.options import choices, written
 from cpbench.solvers.stopping import Stopping
 
@@ -118,13 +118,13 @@ class Budget:
     seed: int = 0
 
     def deadline(self) -> float:
-        """Return when the seconds are over, if they begin now: a time of `clock.now`."""
-        return clock.now() + self.seconds
+        """Return when the seconds are over, if they begin now: a time of `time.perf_counter`."""
+        return time.perf_counter() + self.seconds
 
     def left(self, deadline: float, spent: int = 0) -> Budget:
         """Return what remains: the seconds until `deadline`, and the iterations less those that are spent."""
         iterations = None if self.iterations is None else max(self.iterations - spent, 0)
-        return dataclasses.replace(self, seconds=max(deadline - clock.now(), 0.0), iterations=iterations)
+        return dataclasses.replace(self, seconds=max(deadline - time.perf_counter(), 0.0), iterations=iterations)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,12 +255,7 @@ class Solver(ABC):
         return None
 
     def warmup(self) -> None:
-        """Load and compile whatever the first solve would: called once a process, never timed."""
-
-    def warmup_quickly(self) -> None:
-        """Do the part of `warmup` that every solve needs, for a process that solves only a few problems. What this
-        leaves out is loaded `off_the_clock` when it is needed."""
-        self.warmup()
+        """Load whatever the first solve would: called once a process, never timed."""
 
     def version(self) -> str:
         """Return the version of the guest package, of cpbench for its own solvers, '' for others that need no
@@ -357,6 +352,17 @@ def register(cls: type[Solver]) -> type[Solver]:
     """
     solvers.add(cls.spec.name, cls())
     return cls
+
+
+def warm_up(solver: Solver) -> None:
+    """Warm a solver up before its first solve, once a process: what its package loads is not the time of a solve."""
+    if solver.spec.name not in _warm:
+        solver.warmup()
+        _warm.add(solver.spec.name)
+
+
+_warm: set[str] = set()
+"""Solvers that have warmed up in this process."""
 
 
 def solve(problem: Problem, solver: str, budget: Budget | None = None, **options: Any) -> SolverOutput:

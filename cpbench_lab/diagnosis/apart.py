@@ -22,8 +22,7 @@ from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
 from cpbench.formulations.base import Problem
 from cpbench.foundation import frames
-from cpbench.solvers import warming
-from cpbench.solvers.base import Budget
+from cpbench.solvers.base import Budget, warm_up
 from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import Raw, named, solve_here
 from cpbench_lab.diagnosis.deadline import Deadline
@@ -121,7 +120,7 @@ def _main(channel: Channel, memory: int) -> None:
         except EOFError:
             return
         if "warm" in request:
-            warming.warm_up_quickly(named(request["warm"])[0])
+            warm_up(named(request["warm"])[0])
             if not limited:
                 limit_address_space(memory)
                 limited = True

@@ -20,8 +20,7 @@ from cpbench.errors import NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.foundation.text import read_brackets
-from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, Solver, Trait, parse_options, solvers
+from cpbench.solvers.base import Budget, Solver, Trait, parse_options, solvers, warm_up
 from cpbench.verification import MET_TOLERANCE, Status
 from cpbench.verification.verdict import error_of
 
@@ -204,7 +203,7 @@ def solve_here(text: str, problem: Problem, budget: Budget, start: Any = None) -
     solver, options = named(text)
     recorder = _Recorder(sum(problem.point_sizes.values()))
     try:
-        warming.warm_up_quickly(solver)
+        warm_up(solver)
         begun = time.perf_counter()
         record = recorder if Trait.HISTORY in solver.spec.traits else None
         output = solver.run(problem, budget, options, start, record)

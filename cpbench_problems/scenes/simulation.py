@@ -21,8 +21,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.transfer import transfer
 from cpbench.foundation.text import counted
 from cpbench.generators.base import LICENCE
-from cpbench.solvers import warming
-from cpbench.solvers.base import Trait
+from cpbench.solvers.base import Trait, warm_up
 from cpbench.verification import error_text
 from cpbench_problems.recorder import Recorder
 from cpbench_problems.scenes import stepper
@@ -75,7 +74,7 @@ class Simulation:
     def _solve(self, problem: ContactProblem) -> Any:
         way = way_to(problem, self.solver)
         if self._last is None:
-            warming.warm_up_quickly(way.solver)
+            warm_up(way.solver)
         start = None
         if self._last is not None and Trait.WARM_START in way.solver.spec.traits:
             start = graph.push(way.problem, transfer(*self._last, problem).point, way.steps)

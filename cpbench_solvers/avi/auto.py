@@ -18,8 +18,6 @@ LARGE = 1000
 class _Affine(ByParts):
     """Base of the choices for the two nodes."""
 
-    kernels: ClassVar[tuple[str, ...]] = ("linear_rows", "linear_error")
-
     def error(self, problem: AVI | Relay, point: Any, tolerance: float) -> float:
         return error_of(problem, point, tolerance)
 

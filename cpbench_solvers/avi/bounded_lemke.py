@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Dense, Vector, max_abs
+from cpbench_solvers.kernels import bounded_pivoting
 
 SLICE = 256
 """Pivots between two looks at the clock."""
@@ -134,7 +134,7 @@ def _follow(
     options: PivotOptions,
 ) -> tuple[str, Vector, Vector, NDArray[np.bool_], int] | None:
     """Return outcome, y, w, which y are basic in the end, and pivots; y is the basic one of the pairs `basic`."""
-    kernel: Any = load("cpbench_solvers.kernels.bounded_pivoting")
+    kernel: Any = bounded_pivoting
     n = d.size
     rounding = 1e-9 * max(max_abs(d), 1e-300)
     narrow = basic & np.isfinite(width)

@@ -89,10 +89,6 @@ class _Extragradient(Solver):
     def setup(self, problem: Affine, budget: Budget, options: Any) -> ScaledAffine:
         return ScaledAffine.of(problem)
 
-    def warmup(self) -> None:
-        node = Relay if self.spec.node == "relay" else AVI
-        self.run(node(M=np.eye(2), q=-np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
-
     def solve(
         self, prepared: ScaledAffine, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -10,22 +9,14 @@ import numpy as np
 
 from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector
+from cpbench_solvers.kernels import linear_error, linear_rows, qp_sparse
 from cpbench_solvers.qp.kkt_system import entries
 
 Affine: TypeAlias = LCP | MLCP | Relay | AVI
 _DATA: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 _ROWS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 NONE = np.zeros(0)
-
-
-@cache
-def load_measure() -> Any:
-    """Load all loops that measure as the verdict does, for a warm-up leaves nothing to a solve; return the last."""
-    for name in ("qp_sparse", "linear_rows"):
-        load(f"cpbench_solvers.kernels.{name}")
-    return load("cpbench_solvers.kernels.linear_error")
 
 
 def data_of(problem: Affine) -> Any:
@@ -42,7 +33,7 @@ def data_of(problem: Affine) -> Any:
         M, q, low = P.M, P.q, np.zeros(P.q.size) if isinstance(P, LCP) else P.lb
     high = P.ub if isinstance(P, Relay | AVI) else np.full(q.size, inf)
     if isinstance(P, AVI) and not P.only_box:
-        rows = load("cpbench_solvers.kernels.qp_sparse").stacked(entries(P.A), entries(P.C))
+        rows = qp_sparse.stacked(entries(P.A), entries(P.C))
         sides, count = np.concatenate([P.b, P.d]), P.b.size
     result = _DATA[problem] = entries(M), rows, q, sides, count, low, high
     return result
@@ -51,14 +42,14 @@ def data_of(problem: Affine) -> Any:
 def rows_of(problem: Affine) -> Any:
     """Return the rows of a problem, as the kernel `linear_rows` has them, made once."""
     if problem not in _ROWS:
-        _ROWS[problem] = load("cpbench_solvers.kernels.linear_rows").linear(*data_of(problem), False)
+        _ROWS[problem] = linear_rows.linear(*data_of(problem), False)
     return _ROWS[problem]
 
 
 def verdict_error(problem: Affine, x: Vector) -> float:
     """Return the verdict's error (`linear_error`); 8 eps for an answer that is exact to rounding, as nearly all of
     pivoting are. x : z, or u and v, then multipliers."""
-    kernel = load_measure()
+    kernel = linear_error
     if kernel.exact(*data_of(problem), x):
         return kernel.NOISE
     return kernel.largest_error(rows_of(problem), x, NONE)
@@ -67,7 +58,7 @@ def verdict_error(problem: Affine, x: Vector) -> float:
 def error_of(problem: AVI | Relay, point: Any, tolerance: float) -> float:
     """Return the error of norms (`residuals`) or, where that is within the tolerance, the verdict's if that is
     larger; infinity for an answer that is not finite."""
-    x, kernel = point.vector, load_measure()
+    x, kernel = point.vector, linear_error
     if kernel.exact(*data_of(problem), x):
         return kernel.NOISE
     if not point.finite:

@@ -19,7 +19,6 @@ from cpbench.formulations.linear import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench_solvers import linear_program
 from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.avi.polyhedron_vertex import ACTIVE, ScaledPolyhedron
@@ -194,10 +193,6 @@ class LemkeAVI(_Pivoting):
         citation="Cao and Ferris 1996, Math. Oper. Res. 21:44; Eaves 1971; Lemke 1965",
     )
 
-    def warmup(self) -> None:
-        linear_program.load()
-        self.run(AVI(M=np.eye(2), q=np.zeros(2), A=np.ones((1, 2)), b=np.full(1, 2.0)))
-
 
 @register
 class LemkeRelay(_Pivoting):
@@ -210,6 +205,3 @@ class LemkeRelay(_Pivoting):
         summary="complementary pivoting between bounds, lexicographic ratio test",
         citation="Cao and Ferris 1996, Math. Oper. Res. 21:44; Lemke 1965",
     )
-
-    def warmup(self) -> None:
-        self.run(Relay(M=np.eye(2), q=np.array([-2.0, 0.5]), lb=-np.ones(2), ub=np.ones(2)))

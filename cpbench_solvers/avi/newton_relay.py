@@ -65,6 +65,3 @@ class NewtonRelay(NaturalMapNewton):
             error=lambda z: error_of(problem, answer(z), budget.tolerance),
         )
         return ScaledVI(vi, unit)
-
-    def warmup(self) -> None:
-        self.run(Relay(M=np.eye(2), q=np.array([-2.0, 0.5]), lb=-np.ones(2), ub=np.ones(2)))

@@ -9,11 +9,11 @@ import numpy as np
 
 from cpbench.formulations.linear import LCPPoint, Relay
 from cpbench.foundation.cones import project_box
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, entries, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop
 from cpbench_solvers.avi.claims import error_of
+from cpbench_solvers.kernels import box_splitting
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.lcp.pgs import PGSOptions, diagonal_obstacle
 from cpbench_solvers.traits import ITERATIVE
@@ -62,9 +62,6 @@ class PGSRelay(Solver):
         diagonal = np.where(problem.moving, problem.M.diagonal(), 1.0)
         return RelayRows(problem, entries(sparse(problem.M)), diagonal)
 
-    def warmup(self) -> None:
-        self.run(Relay(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=-np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
-
     def solve(
         self,
         prepared: RelayRows,
@@ -73,7 +70,7 @@ class PGSRelay(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        kernel = load("cpbench_solvers.kernels.box_splitting")
+        kernel = box_splitting
         problem = prepared.problem
         z = project_box(np.zeros_like(problem.q) if start is None else start.z, problem.lb, problem.ub)
         limit, sweeps, chunk = budget.iterations or options.max_iterations, 0, 1

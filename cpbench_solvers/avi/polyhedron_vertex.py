@@ -49,7 +49,7 @@ class ScaledPolyhedron:
         finite = np.concatenate([self.b, self.d, *(x[np.isfinite(x)] for x in (self.lb, self.ub))])
         unit = max_abs(finite) or 1.0
         for c in (cost / (max_abs(cost) or 1.0), np.zeros(n)):
-            program = linear_program.load()(
+            program = linear_program.linprog(
                 c,
                 A_ub=-self.A if self.b.size else None,
                 b_ub=-self.b / unit if self.b.size else None,

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.conic import SOCLCP, SOCLCPPoint, cone_fields
-from cpbench.foundation.cones import Cone, ProductCone
+from cpbench.formulations.conic import SOCLCP, SOCLCPPoint
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
@@ -64,7 +63,3 @@ class NewtonCone(NaturalMapNewton):
             error=lambda x: error(answer(x)),
         )
         return ScaledVI(vi, unit)
-
-    def warmup(self) -> None:
-        K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
-        self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]

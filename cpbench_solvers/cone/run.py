@@ -5,10 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Any, Protocol
 
-import numpy as np
-
-from cpbench.formulations.conic import SOCLCP, ConeQP, cone_fields
-from cpbench.foundation.cones import Cone, ProductCone
+from cpbench.formulations.conic import SOCLCP, ConeQP
 from cpbench.foundation.matrices import Vector, least_eigenvalue
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
@@ -47,13 +44,6 @@ class ConicSolver(Solver):
 
     def setup(self, problem: ConeQP | SOCLCP, budget: Budget, options: Any) -> ConicForm:
         return conic_form(problem, budget.tolerance)
-
-    def warmup(self) -> None:
-        K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
-        if self.spec.node == "coneqp":
-            self.run(ConeQP.over(np.eye(3), -np.ones(3), K))
-        else:
-            self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]
 
     @abstractmethod
     def begin(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: Any) -> Iterates:

@@ -17,7 +17,8 @@ from cpbench_solvers.cone.law_admm import LONGER, RHO
 from cpbench_solvers.cone.penalty import TINY, StepPenalty
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import contact_splitting
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class ContactSplitting(ContactMethod):
         self._contacts, self._options = contacts, options
         problem = contacts.rows.problem
         self._mu, self._d = problem.mu, problem.dimension
-        self._advance = kernel("contact_splitting").advance
+        self._advance = contact_splitting.advance
         self._penalty = StepPenalty(options.rho, *RHO, LONGER, options.balance)
         self._factors: Factors | None = None
         self._sizes, self._shift = np.zeros(4), np.zeros(problem.nc)

@@ -17,7 +17,6 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.base import formulations
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
@@ -98,11 +97,6 @@ class GlobalADMM(SolverByMovingParts):
 
     def obstacle(self, problem: GlobalContact) -> str | None:
         return "M is singular: velocities do not follow from reactions" if problem.factorization.singular else None
-
-    def warmup(self) -> None:
-        one, node = np.eye(3), formulations.get(self.spec.node)
-        law = {"mu": [0.5], "dimension": 3} | ({"mu_r": [0.1]} if self.spec.node == "grfc" else {})
-        self.run(node(M=one, H=one, f=-one[0], w=np.zeros(3), **law))
 
     def prepare(self, problem: GlobalContact, budget: Budget, options: ConicADMMOptions) -> Dynamics:
         return Dynamics(problem)

@@ -17,7 +17,8 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.frozen_law import block_csr
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import frozen_contact
 
 GAIN, LONGER, LONGEST = 0.9, 2, 500
 """De Saxcé's term is held so much longer where the least error has not fallen below GAIN times its old value within
@@ -41,7 +42,7 @@ class _Accelerated(ContactMethod):
         problem = contacts.rows.problem
         self._s, self._q, self._mu, self._d = contacts.s, contacts.q, problem.mu, problem.dimension
         self._hold, self._done, self._since, self._least = options.hold, 0, 0, np.inf
-        self._kernel = kernel("frozen_contact")
+        self._kernel = frozen_contact
         self._matrix = block_csr(contacts)
         self._x, self._Wx = start / contacts.s, np.zeros_like(start)
         self._kernel.product(*self._matrix, self._d, self._x, self._Wx)

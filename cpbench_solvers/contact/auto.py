@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, register, solved
 from cpbench_solvers.contact.by_parts import SURE, SolverByParts, contact_spec
@@ -28,15 +27,6 @@ from cpbench_solvers.contact.sweeps import (
 )
 from cpbench_solvers.stacks import CONTACT_SHARES, solve_fc
 
-KERNELS = (
-    "anderson",
-    "block_layout",
-    "contact_interior",
-    "contact_newton",
-    "contact_splitting",
-    "gauss_seidel",
-    "part_error",
-)
 STEEP = 1e4
 """Friction from which on a contact hardly ever slides: first it is solved with this."""
 WORDS = 12
@@ -72,9 +62,6 @@ class AutoContact(SolverByParts):
         sweeps = AcceleratedSweeps(blocks)
         sweeps.sweep(min(options.sweeps, budget.iterations or options.max_iterations), budget.tolerance)
         return sweeps.best.copy(), counters(sweeps.done)
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", KERNELS)
 
     def _solved(
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None

@@ -24,7 +24,6 @@ from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_sp
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.global_parts import MovingParts, moving_parts, solve_moving
-from cpbench_solvers.contact.sweeps import kernel
 
 MOST = 2e7
 """Numbers of K⁻¹[H; 0] that are computed at most (160 MB): as much work as some hundred sweeps over such a W."""
@@ -115,15 +114,6 @@ class AutoGlobal(AutomaticChoice):
         solver = solvers.get(LOCAL)
         own = solver.spec.options()
         return PreparedCondensed(small, solver.setup(small.local, budget, own), own)
-
-    def warmup(self) -> None:
-        super().warmup()
-        solvers.get(LOCAL).warmup()
-
-    def warmup_quickly(self) -> None:
-        # almost every problem is condensed, which needs this besides what the local solver takes as it goes on
-        kernel("part_error")
-        solvers.get(LOCAL).warmup_quickly()
 
     def solve(
         self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None

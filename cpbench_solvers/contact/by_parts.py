@@ -35,7 +35,6 @@ from cpbench_solvers.contact.parts import (
     part_of,
     rows_of,
     rows_of_blocks,
-    single_contacts,
 )
 from cpbench_solvers.contact.sweeps import BlockRows, scaled_contacts
 from cpbench_solvers.traits import ITERATIVE
@@ -55,10 +54,6 @@ class SolverByParts(PartSolver):
 
     def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
         return scaled_contacts(problem)
-
-    def warmup(self) -> None:
-        for problem in single_contacts(self.spec.node):
-            self.run(problem)
 
     def at_once(self, blocks: BlockRows, budget: Budget, options: Any) -> tuple[Vector, dict[str, int]] | None:
         """Return reactions of the whole problem by a cheap method, with counters; None where there is none.

@@ -19,7 +19,7 @@ from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.matrices import EPS, Vector, transpose
 from cpbench.solvers.base import Claim, SolverOutput
 from cpbench_solvers.contact.parts import NO_ROLLING, ROUNDINGS
-from cpbench_solvers.contact.sweeps import kernel
+from cpbench_solvers.kernels import part_error
 
 
 def moving_labels(problem: Any) -> tuple[Any, Any, Any]:
@@ -46,7 +46,7 @@ class DynamicsError:
     def __init__(self, problem: Any, tolerance: float, data: Any = None) -> None:
         """Prepare; `data` : the problem whose free velocities and masses count, by default the same."""
         self._problem, self._tolerance, self.floor, data = problem, tolerance, 0.0, data or problem
-        self._lengths, self._law, self._data = problem.lengths.ravel(), kernel("part_error").velocity_error, data
+        self._lengths, self._law, self._data = problem.lengths.ravel(), part_error.velocity_error, data
         self._free, self._label = data.free_velocity * self._lengths, moving_labels(problem)
         count = 1 + max((int(x.max(initial=-1)) for x in self._label), default=-1)
         self._sizes, self._errors = np.empty(count), np.empty(count)

@@ -22,7 +22,8 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.frozen_law import FrozenProblem
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import frozen_contact
 
 GAIN, PATIENCE = 0.9, 20
 """The least error must fall below this times its old value in so many steps, else the convex problems are solved FINER,
@@ -77,7 +78,7 @@ class _FixedPoint(ContactMethod):
         return None
 
     def _minimize(self, kind: str, shift: Vector, radius: Vector, gap: float, deadline: float) -> None:
-        code = getattr(kernel("frozen_contact"), kind)
+        code = getattr(frozen_contact, kind)
         self._frozen.minimize(code, shift, radius, gap, self._options.inner_iterations, deadline)
 
     def _measured(self) -> Vector:

@@ -15,7 +15,8 @@ import scipy.sparse as sp
 from cpbench.formulations.contact import diagonal_blocks
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import frozen_contact
 
 AT_ONCE = 10
 """Iterations or sweeps between two measurements."""
@@ -34,7 +35,7 @@ class FrozenProblem:
     def __init__(self, contacts: ScaledContacts, x: Vector, *, momentum: bool) -> None:
         problem = contacts.rows.problem
         self.d, self.mu, self.q = problem.dimension, problem.mu, contacts.q
-        self._kernel = kernel("frozen_contact")
+        self._kernel = frozen_contact
         self._matrix = block_csr(contacts)
         self._momentum = momentum and matrices.is_symmetric(contacts.W)
         self.x, self._Wx = x, np.zeros_like(x)

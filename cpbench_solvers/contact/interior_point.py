@@ -30,7 +30,8 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.newton_equation import DENSE_FROM
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import contact_interior
 
 SHORTEST = 1e-8
 """A step shorter than this means that the iterates are stuck at the boundary."""
@@ -66,7 +67,7 @@ class ContactInteriorPoint(ContactMethod):
         self.y, self.w = np.zeros(T.shape), np.zeros(T.shape)
         self.y[:, 0] = self.w[:, 0] = self._size
         nc, d = T.shape
-        self._kernel = kernel("contact_interior")
+        self._kernel = contact_interior
         self._scaling, self._slope, self._c = np.empty((nc, 2 * d + 1)), np.empty((nc, d)), np.empty((nc, d))
         self._residual, self._right, self._blocks = np.empty(nc * d), np.empty(nc * d), np.empty((nc, d, d))
         self.counters = {"factorizations": 0}

@@ -14,7 +14,8 @@ from scipy.linalg import lapack
 
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, norm
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import contact_newton
 
 DENSE_FROM = 0.25
 """Share of entries from which a sparse W is factorized as a dense one."""
@@ -47,7 +48,7 @@ class ContactEquation:
 
     def __init__(self, contacts: ScaledContacts, function: ContactFunction) -> None:
         problem, W = contacts.rows.problem, contacts.W
-        self._kernel, self._function = kernel("contact_newton"), int(function)
+        self._kernel, self._function = contact_newton, int(function)
         self._mu, self._q = problem.mu, contacts.q
         d, nc = problem.dimension, problem.nc
         self._shape = (nc, d)

@@ -13,13 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.expressions.recording import recorded
 from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact, NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.formulations.sizes import row_sizes
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import norm
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.inner import inner_solver
 from cpbench_solvers.lcp.claims import concluded
@@ -71,12 +70,6 @@ class NewtonContact(Solver):
     ) -> NonlinearFrictionContact:
         problem.F.jacobian(problem.start)  # derives and compiles
         return problem
-
-    def warmup(self) -> None:
-        solvers.get(NewtonContactOptions().inner).warmup()
-        F = recorded(2, lambda v: v + np.sin(v))
-        mu, w = np.array([0.5]), np.array([-1.0, 0.0])
-        self.run(NonlinearFrictionContact(F=F, H=np.eye(2), w=w, mu=mu, dimension=2))
 
     def solve(
         self,

@@ -9,7 +9,6 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.foundation.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts, contact_spec
@@ -27,9 +26,9 @@ from cpbench_solvers.contact.sweeps import (
     SweepState,
     block_rows,
     conclude,
-    kernel,
     work,
 )
+from cpbench_solvers.kernels import gauss_seidel
 
 BLOCKS_A_CALL = 4_000_000
 """About 20 ms of block products between two looks at the clock."""
@@ -67,10 +66,6 @@ class NSGS(SolverByParts):
         quick=True,
         options=NSGSOptions,
     )
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", ("block_layout", "anderson"))
-        super().warmup()
 
     def prepare(self, problem: Any, budget: Budget, options: NSGSOptions) -> BlockRows:
         return block_rows(problem)
@@ -143,8 +138,8 @@ def _swept(
 
 def _sweeps(prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
     """Return the compiled sweeps from where `at` is."""
-    problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
-    sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
+    problem = prepared.problem
+    sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
     order = prepared.order.copy() if options.shuffle else prepared.order
     iterate = (at.r, at.lam, order)
     relaxed = (options.omega, options.shuffle)

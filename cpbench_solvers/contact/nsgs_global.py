@@ -18,7 +18,7 @@ from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, en
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.global_parts import SolverByMovingParts
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions
-from cpbench_solvers.contact.sweeps import kernel
+from cpbench_solvers.kernels import block_layout, velocity_sweeps
 from cpbench_solvers.traits import ITERATIVE
 
 LARGEST = 256
@@ -59,7 +59,7 @@ class Bodies:
     @classmethod
     def of(cls, problem: GlobalFrictionContact) -> Bodies:
         d, nc = problem.dimension, problem.nc
-        layout = kernel("block_layout")
+        layout = block_layout
         inverse, rows = _whitened(problem)
         indptr, indices, data = entries(rows)
         start = np.zeros(nc + 1, np.uint64)
@@ -69,7 +69,7 @@ class Bodies:
         D, local = np.empty((nc, d, d)), np.empty((nc, 12 if d == 3 else 0))
         if nc:
             layout.fill(indptr, indices, data, 1, False, 1, 0, start, unknown, A)
-        kernel("velocity_sweeps").diagonal_blocks(start, A, D)
+        velocity_sweeps.diagonal_blocks(start, A, D)
         if d == 3:
             layout.one_contact_constants(D, local)
         return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local)
@@ -94,7 +94,7 @@ class VelocitySweeps(ContactMethod):
         return self._r.copy()
 
     def step(self, many: int, error: float, seconds: float) -> str | None:
-        bodies, problem, kernels = self._bodies, self._bodies.problem, kernel("velocity_sweeps")
+        bodies, problem, kernels = self._bodies, self._bodies.problem, velocity_sweeps
         y, matrix = bodies.free.copy(), (bodies.start, bodies.unknown, bodies.A)
         kernels.push(*matrix, self._r, problem.dimension, y)
         law = (problem.w, problem.mu, problem.rho, self._r)
@@ -140,13 +140,6 @@ class NSGSGlobal(SolverByMovingParts):
 
     def prepare(self, problem: GlobalFrictionContact, budget: Budget, options: MethodOptions) -> Bodies:
         return Bodies.of(problem)
-
-    def warmup(self) -> None:
-        for d in (2, 3):
-            one = np.eye(d)
-            f = np.zeros(d)
-            f[0] = -1.0
-            self.run(GlobalFrictionContact(M=one, H=one, f=f, w=np.zeros(d), mu=np.array([0.5]), dimension=d))
 
     def method(self, prepared: Bodies, budget: Budget, options: MethodOptions, r: Vector) -> VelocitySweeps:
         return VelocitySweeps(prepared, r)

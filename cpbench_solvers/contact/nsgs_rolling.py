@@ -9,13 +9,13 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.local_contact import RollingFrictionContact
-from cpbench.foundation.kernel_cache import compiled
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.run import MethodOptions
-from cpbench_solvers.contact.sweeps import conclude, kernel
+from cpbench_solvers.contact.sweeps import conclude
+from cpbench_solvers.kernels import rolling_gauss_seidel
 from cpbench_solvers.traits import ITERATIVE
 
 BLOCKS_A_CALL = 400_000
@@ -57,8 +57,8 @@ class NSGSRolling(SolverByParts):
     ) -> SolverOutput:
         problem, lengths = prepared.problem, prepared.lengths
         r = np.zeros(problem.q.size) if start is None else start.r / lengths
-        rolling = kernel("rolling_gauss_seidel")
-        sweeps, data = compiled(rolling.sweeps), (*prepared.matrix, *prepared.law, *prepared.local)
+        rolling = rolling_gauss_seidel
+        sweeps, data = rolling.sweeps, (*prepared.matrix, *prepared.law, *prepared.local)
         limit = budget.iterations or options.max_iterations
         best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed, 0]), np.full(2, np.inf)
         iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)

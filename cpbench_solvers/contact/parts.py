@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.local_contact import FrictionContact, RollingFrictionContact
-from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, solved
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
-from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
+from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows
+from cpbench_solvers.kernels import part_error
 
 Index = NDArray[np.int64]
 Contact = FrictionContact | RollingFrictionContact
@@ -67,7 +67,7 @@ class MeasuredParts:
             law = *blocks.law[:4], r / blocks.lengths
         else:
             law = problem.q, problem.mu, NO_ROLLING, blocks.rho, r
-        compiled(kernel("part_error").part_error)(*blocks.matrix, *law, problem.dimension, self.label, result)
+        part_error.part_error(*blocks.matrix, *law, problem.dimension, self.label, result)
         return result
 
 
@@ -156,15 +156,6 @@ def claimed(point: Any, counters: dict[str, int], failed: list[tuple[int, Solver
     message = f"{len(failed)} of {count} connected parts, the first of {contacts} contacts"
     message = f"{message}: {output.message or output.claim}"
     return SolverOutput(claim=output.claim, point=point, counters=counters, message=message)
-
-
-def single_contacts(node: str) -> list[Contact]:
-    """Return a contact of each dimension that problems of node fc or rfc have, for warm-ups."""
-    mu = np.array([0.5])
-    if node == "fc":
-        return [FrictionContact(W=np.eye(d), q=np.array([-1.0, 2.0, 0.0])[:d], mu=mu, dimension=d) for d in (2, 3)]
-    mu_r = np.array([0.1])
-    return [RollingFrictionContact(W=np.eye(d), q=-np.eye(d)[0], mu=mu, mu_r=mu_r, dimension=d) for d in (3, 5)]
 
 
 def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:

@@ -18,7 +18,8 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.frozen_law import block_csr
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
-from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
+from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.kernels import contact_projection
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class _Projection(ContactMethod):
     ) -> None:
         problem = contacts.rows.problem
         self._s, self._x = contacts.s, start / contacts.s
-        module = kernel("contact_projection")
+        module = contact_projection
         self._iterate, self._method = module.iterate, getattr(module, code)
         self._data = (*block_csr(contacts), contacts.q, problem.mu, problem.dimension)
         self._rho = np.array([options.rho])

@@ -15,7 +15,6 @@ import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
@@ -138,7 +137,3 @@ class ProximalNewton(ContactSolver):
         options=ProximalNewtonOptions,
     )
     method: ClassVar[Any] = _ProximalNewton
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", ("anderson", "block_layout", "contact_newton"))
-        super().warmup()

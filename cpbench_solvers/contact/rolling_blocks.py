@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.local_contact import RollingFrictionContact
-from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import Vector, entries
-from cpbench_solvers.contact.sweeps import kernel
+from cpbench_solvers.kernels import block_layout, rolling_layout
 
 
 @dataclass(frozen=True)
@@ -38,10 +37,10 @@ def rolling_blocks(problem: RollingFrictionContact) -> RollingBlocks:
     local = np.empty((nc, n * n)), np.empty((nc, n)), np.empty((nc, n)), np.empty((nc, 3))
     rows = entries(problem.W)
     if nc:
-        kernel("block_layout").count(*rows[:2], d, True, start)
+        block_layout.count(*rows[:2], d, True, start)
     column = np.empty(int(start[nc]), np.uint32)
     blocks = np.zeros(column.size * d * d)
-    compiled(kernel("rolling_layout").from_rows)(*rows, start, column, blocks, D, lengths, rho, *local)
+    rolling_layout.from_rows(*rows, start, column, blocks, D, lengths, rho, *local)
     unit, every = lengths[:, n].copy(), lengths.ravel()
     law = every * problem.q, problem.mu, problem.mu_r / unit, rho, unit
     return RollingBlocks(problem, every, (start, column, blocks, D.reshape(nc, d * d)), law, local)

@@ -17,13 +17,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts, contact_spec
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
-from cpbench_solvers.contact.parts import single_contacts
 from cpbench_solvers.contact.sweeps import ScaledContacts, Sweeps, conclude
 
 DESCENT, HALVINGS = 1e-4, 8
@@ -128,12 +126,6 @@ class ContactNewton(SolverByParts):
     """Sweeps of Gauss–Seidel to come near, then Newton steps with line search; sweeps again where these fail."""
 
     function: ClassVar[ContactFunction]
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", ("gauss_seidel", "block_layout", "contact_newton"))
-        for problem in single_contacts(self.spec.node):
-            self.run(problem, options=ContactNewtonOptions(sweeps=0))
-        super().warmup()
 
     def solve_part(
         self, prepared: ScaledContacts, budget: Budget, options: ContactNewtonOptions, start: Any, record: Record | None

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
-from types import ModuleType
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,9 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.local_contact import FrictionContact
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, scaled_both, sparse
 from cpbench.solvers.base import Budget, Claim, SolverOutput, solved
+from cpbench_solvers.kernels import anderson, block_layout, contact_error, gauss_seidel
 
 APART = 1e-11
 """Two evaluations of the error, whose sums are made in different order, are less than this apart."""
@@ -33,12 +32,6 @@ CONTINUE, NOT_FINITE = 0, 2
 ITERATION, NEXT_CHECK, LOGGED, RANDOM, SEEN, PLACES = 0, 1, 2, 3, 5, 6
 PACE, LEAST, FIRST = 0, 2, 4
 """Of what the sweeps return, of `state` and of `measured`: the names of the kernels, in `sweep_progress`."""
-
-
-@cache
-def kernel(name: str) -> ModuleType:
-    """Return the compiled module of that name in `solvers/kernels`."""
-    return load(f"cpbench_solvers.kernels.{name}")
 
 
 @dataclass(frozen=True)
@@ -87,7 +80,7 @@ class BlockRows:
     def judged_error(self, r: Vector) -> float:
         """Return the error of the reactions r, shape (nc·d,), as `residuals` of the problem measures it."""
         *matrix, _, q, mu, rho = self.law
-        return compiled(kernel("contact_error").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
+        return contact_error.judged(*matrix, q, mu, rho, r, self.problem.dimension)
 
     @cached_property
     def accelerated(self) -> Sweeping:
@@ -101,11 +94,11 @@ class BlockRows:
 
     def sweeping(self, order: NDArray[np.int64], most: int = MEMORY) -> Sweeping:
         """Return sweeps over the contacts in this order; Anderson's acceleration keeps `most` differences (0: none)."""
-        anderson, n = kernel("anderson"), self.problem.q.size
+        n = self.problem.q.size
         memory = min(most, n)
         size = anderson.work_size(n, self.problem.nc, memory)
         arguments = (*self.law, order, memory, self.problem.dimension)
-        return Sweeping(compiled(anderson.accelerated), arguments, size, slice(anderson.ANSWER, anderson.ANSWER + n))
+        return Sweeping(anderson.accelerated, arguments, size, slice(anderson.ANSWER, anderson.ANSWER + n))
 
 
 class Sweeps:
@@ -113,8 +106,8 @@ class Sweeps:
 
     def __init__(self, rows: BlockRows) -> None:
         self._rows = rows
-        problem, gauss_seidel = rows.problem, kernel("gauss_seidel")
-        self._sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
+        problem = rows.problem
+        self._sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
         self._lam = np.zeros(problem.nc)
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
         # no error is below 0: nothing is kept
@@ -189,7 +182,7 @@ class AcceleratedSweeps:
     def iterate(self) -> SweepState:
         """Return the state for other sweeps to go on from, in the memory of these."""
         problem = self._rows.problem
-        state, measured, best, r, lam = kernel("anderson").iterate(self._work, problem.q.size, problem.nc)
+        state, measured, best, r, lam = anderson.iterate(self._work, problem.q.size, problem.nc)
         return SweepState(r, lam, state, measured, best)
 
 
@@ -202,14 +195,14 @@ def work(problem: FrictionContact, done: int, seen: int) -> dict[str, int]:
 def block_rows(problem: FrictionContact) -> BlockRows:
     """Return W by rows of blocks."""
     d, nc = problem.dimension, problem.nc
-    layout, W = kernel("block_layout"), problem.W
+    layout, W = block_layout, problem.W
     start, diagonal = np.zeros(nc + 1, np.uint64), np.zeros((nc, d, d))
     local, rho = np.empty((nc, 12 if d == 3 else 0)), np.empty(nc)
     # 3×3 blocks are read with four lanes: there is one number more
     if isinstance(W, np.ndarray):
         column = np.empty(nc * nc - nc, np.uint32)
         blocks = np.empty(column.size * d * d + (d == 3))
-        compiled(layout.from_dense)(W, start, column, blocks, diagonal, local, rho)
+        layout.from_dense(W, start, column, blocks, diagonal, local, rho)
         some = int(start[nc])
         column, blocks = column[:some], blocks[: some * d * d + (d == 3)]
     else:

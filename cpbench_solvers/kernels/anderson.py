@@ -7,10 +7,21 @@ that lets ‖f‖ grow is not followed and its columns are forgotten. Answers ar
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
-from numba.extending import register_jitable
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, QUICK, START, VECTOR
+from cpbench.foundation.kernels import (
+    COLUMN,
+    DATA,
+    DATA_2D,
+    FAST,
+    START,
+    VECTOR,
+    boolean,
+    float64,
+    helper,
+    int64,
+    kernel,
+    tuple_of,
+)
 from cpbench_solvers.kernels.contact_error import judged, looked
 from cpbench_solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 from cpbench_solvers.kernels.sweep_progress import (
@@ -46,7 +57,7 @@ RARELY = 20
 MATRIX = float64[:, ::1]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def _dot(a, b):
     total = 0.0
     for k in range(a.size):
@@ -54,7 +65,7 @@ def _dot(a, b):
     return total
 
 
-@njit(error_model="numpy")
+@helper()
 def _least_squares(gram, count, last, L, diagonal, gamma):
     """Turn ⟨Δf_j, f⟩ in `gamma` into γ of the columns `last`, `last` − 1, … (cyclic), by LDLᵀ of their Gram matrix."""
     size = gram.shape[0]
@@ -85,7 +96,7 @@ def _least_squares(gram, count, last, L, diagonal, gamma):
                 gamma[j] -= L[k, j] * gamma[k]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table):
     """Put the next iterate into r: what the sweep made of it, g, or an extrapolation. Then g and f are the old ones.
 
@@ -134,7 +145,7 @@ def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table)
         state[EXTRAPOLATED] = 1
 
 
-@njit(error_model="numpy")
+@helper()
 def _no_contact_closes(q, dimension):
     """Return whether the error of r = 0 is exactly 0: no free velocity closes a contact, so every û is in K*."""
     closing = False
@@ -148,7 +159,7 @@ def work_size(n, contacts, memory):
     return ANSWER + 7 * n + contacts + 2 * memory * (n + memory + 1)
 
 
-@register_jitable
+@helper()
 def iterate(work, n, contacts):
     """Return state, measured, best, r and λ in `work`, for the sweeps of `gauss_seidel` to go on from."""
     # one array for all, since numba looks at each argument of a call
@@ -156,12 +167,12 @@ def iterate(work, n, contacts):
     return state, measured, best, work[ANSWER + n :][:n], work[ANSWER + 7 * n :][:contacts]
 
 
-@njit(
-    types.Tuple((int64, int64, float64, int64))(
+@kernel(
+    tuple_of(int64, int64, float64, int64)(
         *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
         *(int64, int64, VECTOR, float64, int64, boolean),
     ),
-    **QUICK,
+    fast=FAST,
 )
 def accelerated(
     start, column, blocks, diagonal, local, q, mu, rho, order, memory, dimension, work, tolerance, until, watched

@@ -6,18 +6,30 @@ numbers. `apart` : the diagonal blocks are left out.
 """
 
 import numpy as np
-from numba import boolean, float64, int32, int64, njit, types, uint32, uint64, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, KEPT
+from cpbench.foundation.kernels import (
+    DATA,
+    DATA_2D,
+    boolean,
+    float64,
+    helper,
+    int32,
+    int64,
+    kernel,
+    read_only,
+    uint32,
+    uint64,
+    void,
+)
 
-INT32, INT64 = (types.Array(kind, 1, "C", readonly=True) for kind in (int32, int64))
-BLOCKS = types.Array(float64, 3, "C", readonly=True)
+INT32, INT64 = (read_only(kind) for kind in (int32, int64))
+BLOCKS = read_only(float64, 3)
 
 SINGULAR = 1e-12
 """Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
 
 
-@njit(error_model="numpy")
+@helper()
 def _next_block(end, indices, at, width):
     """Return block column of the first block that is not behind `at`, -1 where there is none. end : of every row."""
     found = np.int64(-1)
@@ -28,7 +40,7 @@ def _next_block(end, indices, at, width):
     return found if found < 0 else found // width
 
 
-@njit([void(kind, kind, int64, boolean, uint64[::1]) for kind in (INT32, INT64)], **KEPT)
+@kernel(*(void(kind, kind, int64, boolean, uint64[::1]) for kind in (INT32, INT64)))
 def count(indptr, indices, width, apart, start):
     """Set start[i + 1] to the number of blocks in the rows of the contacts 0 … i."""
     nc = start.size - 1
@@ -51,12 +63,11 @@ def count(indptr, indices, width, apart, start):
         start[i + 1] = start[i] + blocks
 
 
-@njit(
-    [
+@kernel(
+    *(
         void(kind, kind, DATA, int64, boolean, int64, int64, uint64[::1], uint32[::1], float64[::1])
         for kind in (INT32, INT64)
-    ],
-    **KEPT,
+    )
 )
 def fill(indptr, indices, data, width, apart, down, right, start, column, blocks):
     """Write the columns of the blocks that `count` counted, and their entries, `down` and `right` apart, over zeros."""
@@ -81,7 +92,7 @@ def fill(indptr, indices, data, width, apart, down, right, start, column, blocks
             j = _next_block(end, indices, at, width)
 
 
-@njit(void(BLOCKS, float64[:, ::1]), **KEPT)
+@kernel(void(BLOCKS, float64[:, ::1]))
 def one_contact_constants(D, local):
     """Write the twelve numbers of every contact that `gauss_seidel` names, from the diagonal blocks, (nc, 3, 3)."""
     for i in range(D.shape[0]):
@@ -111,7 +122,7 @@ def one_contact_constants(D, local):
         local[i, 11] = indefinite
 
 
-@njit(float64(float64[:, :, ::1], int64), **COMPILED)
+@helper(float64(float64[:, :, ::1], int64))
 def natural_rho(diagonal, i):
     """Return ρ of contact i: d over the trace of its block, 1 where that is not positive."""
     trace = 0.0
@@ -120,7 +131,7 @@ def natural_rho(diagonal, i):
     return diagonal.shape[1] / trace if trace > 0.0 else 1.0
 
 
-@njit(error_model="numpy")
+@helper()
 def own_block(indptr, indices, data, i, diagonal):
     """Write the diagonal block of contact i of a matrix in CSR with sorted columns into `diagonal` of zeros."""
     d = diagonal.shape[1]
@@ -133,9 +144,7 @@ def own_block(indptr, indices, data, i, diagonal):
             at += 1
 
 
-@njit(
-    void(DATA_2D, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]), **COMPILED
-)
+@kernel(void(DATA_2D, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]))
 def from_dense(W, start, column, blocks, diagonal, local, rho):
     """Write everything from a dense matrix; blocks of zeros are left out.
 
@@ -171,14 +180,13 @@ def from_dense(W, start, column, blocks, diagonal, local, rho):
         one_contact_constants(diagonal, local)
 
 
-@njit(
-    [
+@kernel(
+    *(
         void(
             kind, kind, DATA, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]
         )
         for kind in (INT32, INT64)
-    ],
-    **COMPILED,
+    )
 )
 def from_sparse(indptr, indices, data, start, column, blocks, diagonal, local, rho):
     """Write as `from_dense` does, from CSR whose blocks `count` has counted, into `blocks` and `diagonal` of zeros."""

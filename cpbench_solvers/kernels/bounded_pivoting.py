@@ -6,15 +6,14 @@ both are then at least 0 again, and the path goes on as Lemke's. Columns and piv
 """
 
 import numpy as np
-from numba import njit
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import MATRIX, VECTOR, float64, helper, int64, kernel
 from cpbench_solvers.kernels.pivoting import pivot, update
 from cpbench_solvers.kernels.tableau import COMPLEMENTARY, LIMIT, NOT_FINITE, RAY
 from cpbench_solvers.kernels.vectors import finite
 
 
-@njit("int64(float64[::1], float64[::1], float64[::1], int64[::1], float64, int64[::1], float64, float64)", **COMPILED)
+@helper(int64(VECTOR, VECTOR, VECTOR, int64[::1], float64, int64[::1], float64, float64))
 def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
     """Count the rows that block the entering variable, in `ties`, n for its bound `own`; -1 - row where z_0 does."""
     n = rhs.size
@@ -46,7 +45,7 @@ def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
     return count
 
 
-@njit("int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64, float64)", **COMPILED)
+@helper(int64(VECTOR, VECTOR, int64[::1], int64, VECTOR, int64, float64, float64))
 def kept(column, col, ties, count, value, unit, sign, tie_tolerance):
     """Return how many of the tied have the least ratio sign * column/col, moved to the front of `ties`; 0 is that of n.
 
@@ -70,7 +69,7 @@ def kept(column, col, ties, count, value, unit, sign, tie_tolerance):
     return kept
 
 
-@njit("int64(float64[::1], int64[::1], int64)", **COMPILED)
+@helper(int64(VECTOR, int64[::1], int64))
 def largest(col, ties, count):
     """Choose, of ties that no column breaks, a bound that needs no pivot, else the largest pivot element."""
     n = col.size
@@ -83,7 +82,7 @@ def largest(col, ties, count):
     return r
 
 
-@njit(error_model="numpy")
+@helper()
 def _turn(column, other, sign, pair):
     """Count a pair from its other bound: the columns of its two variables change their signs."""
     sign[pair] = -sign[pair]
@@ -92,10 +91,26 @@ def _turn(column, other, sign, pair):
         other[i] = -other[i]
 
 
-@njit(
-    "int64(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[::1], float64[::1], float64[::1],"
-    " int64[::1], int64[::1], int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64, float64, float64)",
-    **COMPILED,
+@kernel(
+    int64(
+        MATRIX,
+        MATRIX,
+        int64[::1],
+        MATRIX,
+        int64[::1],
+        VECTOR,
+        VECTOR,
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        VECTOR,
+        int64[::1],
+        int64[::1],
+        VECTOR,
+        int64,
+        float64,
+        float64,
+    )
 )
 def follow(
     D, C, age, E, rows, rhs, upper, basic, nonbasic, where, sign, state, ties, value,

@@ -1,15 +1,11 @@
 """Gauss–Seidel sweeps with projection on bounds, M by rows (CSR)."""
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import DATA, INDEX, KEPT
+from cpbench.foundation.kernels import DATA, INDEX, boolean, float64, int64, kernel, tuple_of
 
 
-@njit(
-    types.Tuple((int64, boolean))(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, float64[::1], float64, float64, int64),
-    **KEPT,
-)
+@kernel(tuple_of(int64, boolean)(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, float64[::1], float64, float64, int64))
 def sweeps(start, column, value, diagonal, q, lower, upper, z, omega, threshold, most):
     """Return z_i ← clip(z_i − ω w_i/M_ii) in place, one after the other; (sweeps done, whether `threshold` ended them).
 

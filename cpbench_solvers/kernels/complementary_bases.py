@@ -1,9 +1,8 @@
 """All complementary bases of an LCP, one system of at most twenty unknowns each, by elimination with row pivoting."""
 
 import numpy as np
-from numba import njit
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import MATRIX, VECTOR, boolean, helper, int64, kernel
 
 EXCLUDED, FEASIBLE, DOUBTFUL, SINGULAR = 0, 1, 2, 3
 """Something is negative; nothing is; too close to tell; M_FF is singular and M_FF z_F = -q_F has many solutions."""
@@ -14,7 +13,7 @@ NEAR = 1e-9
 ROUNDING = 1e-14
 
 
-@njit("boolean(float64[:,::1], float64[::1], int64, float64[:,::1], int64[::1])", cache=True, nogil=True)
+@helper(boolean(MATRIX, VECTOR, int64, MATRIX, int64[::1]))
 def _consistent(M, q, k, A, F):
     """Return whether M_FF x = -q_F has a solution, by elimination with complete pivoting."""
     for a in range(k):
@@ -44,7 +43,7 @@ def _consistent(M, q, k, A, F):
     return True
 
 
-@njit("int64(float64[:,::1], float64[::1], int64, float64[:,::1], int64[::1], float64[::1], float64[::1])", **COMPILED)
+@helper(int64(MATRIX, VECTOR, int64, MATRIX, int64[::1], VECTOR, VECTOR))
 def basis(M, q, mask, A, F, z, closest):
     """Classify the basis of `mask` (bit i: i in F), its z in `z`; closest[0] grows to the least violation so far.
 
@@ -108,7 +107,7 @@ def basis(M, q, mask, A, F, z, closest):
     return FEASIBLE if least >= -ROUNDING / smallest else DOUBTFUL  # between both more digits would be needed
 
 
-@njit("int64(float64[:,::1], float64[::1], int64, int64, int64[::1], int64[::1], float64[::1])", **COMPILED)
+@kernel(int64(MATRIX, VECTOR, int64, int64, int64[::1], int64[::1], VECTOR))
 def scan(M, q, begin, end, masks, kinds, closest):
     """Look at the bases `begin` to `end` - 1: those not excluded go to `masks`, what they are to `kinds`.
 

@@ -1,17 +1,14 @@
 """Accelerated Gauss–Seidel sweeps on many frictional contact problems of one size."""
 
 import numpy as np
-from numba import float64, int64, njit, types, void
 
+from cpbench.foundation.kernels import DATA_2D, DATA_3D, float64, int64, kernel, void
 from cpbench_solvers.kernels.anderson import ANSWER, accelerated
-from cpbench_solvers.kernels.array_types import COMPILED, DATA_2D
 from cpbench_solvers.kernels.block_layout import from_dense
 from cpbench_solvers.kernels.sweep_progress import CONTINUE
 
-DATA_3D = types.Array(float64, 3, "C", readonly=True)
 
-
-@njit(void(DATA_3D, DATA_2D, DATA_2D, int64, int64, float64, int64, float64[::1], float64[:, ::1]), **COMPILED)
+@kernel(void(DATA_3D, DATA_2D, DATA_2D, int64, int64, float64, int64, float64[::1], float64[:, ::1]))
 def contact_batch(W, q, mu, dimension, memory, tolerance, most, work, r):
     """Solve each of W (k, n, n), q (k, n), mu (k, nc) by at most so many sweeps; writes r (k, n).
 

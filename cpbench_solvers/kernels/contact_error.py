@@ -5,9 +5,8 @@ says that the error may be small enough, the sum over the contacts is given up a
 """
 
 import numpy as np
-from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, QUICK, START
+from cpbench.foundation.kernels import COLUMN, DATA, DATA_2D, FAST, START, float64, helper, int64, kernel
 from cpbench_solvers.kernels.block_row import row_product
 from cpbench_solvers.kernels.one_contact import natural_step
 from cpbench_solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, PACE, SEEN
@@ -16,7 +15,7 @@ QUARTER = 0.25
 """Of the contacts: the sum that was given up later than this foretells how long there is nothing to be seen."""
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def velocity_3d(start, column, blocks, q, r, i):
     one, two = np.uint64(1), np.uint64(2)
     i3 = np.uint64(3) * np.uint64(i)
@@ -25,7 +24,7 @@ def velocity_3d(start, column, blocks, q, r, i):
     return q[i3] + u0, q[i3 + one] + u1, q[i3 + two] + u2
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def velocity_2d(start, column, blocks, q, r, i):
     one, two = np.uint64(1), np.uint64(2)
     i2 = two * np.uint64(i)
@@ -39,7 +38,7 @@ def velocity_2d(start, column, blocks, q, r, i):
     return u0, u1
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_most, energy_most):
     """Return (max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`, contacts seen); NaN
     when anything is. Fewer than all contacts are seen where a sum of squares exceeds what it is given at most."""
@@ -87,13 +86,13 @@ def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_mo
     return (worst if not worst < opening else opening), mu.size
 
 
-@njit(float64(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64), **QUICK)
+@kernel(float64(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64), fast=FAST)
 def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
     """Return the error of `contact_residuals`."""
     return _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, np.inf, np.inf)[0]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def _lengths(q, rho, r, dimension):
     """Return max(‖q‖², ‖r‖²), and the same by energy: what the sums are divided by where velocities are not larger."""
     rr = qq = rr_e = qq_e = 0.0
@@ -109,7 +108,7 @@ def _lengths(q, rho, r, dimension):
     return max(qq, rr), max(qq_e, rr_e)
 
 
-@njit(error_model="numpy")
+@helper()
 def looked(
     start, column, blocks, diagonal, q, mu, rho, r, dimension, state, until, change, tolerance, measured
 ):  # fmt: skip

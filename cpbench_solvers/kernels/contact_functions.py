@@ -8,12 +8,13 @@ contact in the plane is one in space whose second tangential components are 0.
 """
 
 import numpy as np
-from numba import njit
+
+from cpbench.foundation.kernels import helper
 
 ALART_CURNIER, NATURAL_MAP = range(2)
 
 
-@njit(error_model="numpy")
+@helper()
 def _disk(radius, y1, y2, e):
     """Return s of P_D(y_T) = s y_T; e gets y_T/‖y_T‖ where that is shortened, else 0."""
     t = np.sqrt(y1 * y1 + y2 * y2)
@@ -26,7 +27,7 @@ def _disk(radius, y1, y2, e):
     return radius / t
 
 
-@njit(error_model="numpy")
+@helper()
 def projections(x, v, mu, rho_n, rho_t, phi, A, B, e):
     """Evaluate Φ of Alart and Curnier at one contact; x, v, phi : (3,). A, B : (3, 3)."""
     A[:] = 0.0
@@ -50,7 +51,7 @@ def projections(x, v, mu, rho_n, rho_t, phi, A, B, e):
         B[1, 0], B[2, 0] = rho_n * mu * e[0], rho_n * mu * e[1]
 
 
-@njit(error_model="numpy")
+@helper()
 def _shifted(v, mu, e):
     """Return v̂_N; e gets the derivative of ‖v_T‖, 0 at its kink."""
     t = np.sqrt(v[1] * v[1] + v[2] * v[2])
@@ -59,7 +60,7 @@ def _shifted(v, mu, e):
     return v[0] + mu * t
 
 
-@njit(error_model="numpy")
+@helper()
 def natural(x, v, mu, rho, phi, A, B, e):
     """Evaluate Φ of the natural map at one contact."""
     A[:] = 0.0
@@ -97,7 +98,7 @@ def natural(x, v, mu, rho, phi, A, B, e):
         B[a, 2] += mu * e[1] * B[a, 0]
 
 
-@njit(error_model="numpy")
+@helper()
 def one_contact(kind, x, v, mu, rho_n, rho_t, phi, A, B, e):
     """Evaluate Φ, A and B of that kind at one contact."""
     if kind == NATURAL_MAP:

@@ -9,9 +9,8 @@ Reference in plain NumPy: `tests/solvers/references/interior_point_fc.py`.
 """
 
 import numpy as np
-from numba import float64, njit, void
 
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, QUICK, VECTOR
+from cpbench.foundation.kernels import DATA, DATA_2D, FAST, VECTOR, float64, helper, kernel, void
 
 SMALLEST = 1e-30
 """Of a determinant of a point inside the cone."""
@@ -19,7 +18,7 @@ ROWS = float64[:, ::1]
 BLOCKS = float64[:, :, ::1]
 
 
-@njit(inline="always")
+@helper(inline=True)
 def _det(x, d):
     square = 0.0
     for k in range(1, d):
@@ -28,7 +27,7 @@ def _det(x, d):
     return max((x[0] - t) * (x[0] + t), SMALLEST)  # the product keeps the digits that the difference of squares loses
 
 
-@njit(inline="always")
+@helper(inline=True)
 def _reflect(v, x, factor, sign, out, d):
     """Set out ← factor·(2uuᵀ − J)x with u = (v_N, sign·v_T); `out` may be x."""
     along = v[0] * x[0]
@@ -39,7 +38,7 @@ def _reflect(v, x, factor, sign, out, d):
         out[k] = factor * (2.0 * sign * v[k] * along + x[k])
 
 
-@njit(inline="always")
+@helper(inline=True)
 def _longest(x, dx, step, d):
     """Return the least of `step` and the largest t for which x + t dx stays in the cone."""
     a, b = dx[0] * dx[0], x[0] * dx[0]
@@ -61,7 +60,7 @@ def _longest(x, dx, step, d):
     return step
 
 
-@njit(void(ROWS, ROWS, DATA_2D, DATA, float64, ROWS, ROWS, VECTOR, BLOCKS), **QUICK)
+@kernel(void(ROWS, ROWS, DATA_2D, DATA, float64, ROWS, ROWS, VECTOR, BLOCKS), fast=FAST)
 def prepare(y, w, q, Wy, epsilon, scaling, slope, residual, blocks):
     """Write the scaling of (y, w), the slope of φ(w) = √(‖w_T‖² + ε²), the residual Wy + q + φ e_N − w and the blocks
     (I − e_N φ′)Θ."""
@@ -103,7 +102,7 @@ def prepare(y, w, q, Wy, epsilon, scaling, slope, residual, blocks):
                 blocks[i, 0, j] -= slope[i, k] * blocks[i, k, j]
 
 
-@njit(inline="always")
+@helper(inline=True)
 def _reduce(c, slope, residual, right):
     """Set right ← (I − e_N φ′)c − residual."""
     nc, d = c.shape
@@ -116,7 +115,7 @@ def _reduce(c, slope, residual, right):
         right[i * d] -= along
 
 
-@njit(void(ROWS, ROWS, DATA, ROWS, VECTOR), **QUICK)
+@kernel(void(ROWS, ROWS, DATA, ROWS, VECTOR), fast=FAST)
 def predict(w, slope, residual, c, right):
     """Write c = −w of the predictor, dw = c − Θdy, and the right-hand side of its linear system."""
     nc, d = w.shape
@@ -126,7 +125,7 @@ def predict(w, slope, residual, c, right):
     _reduce(c, slope, residual, right)
 
 
-@njit(void(ROWS, ROWS, ROWS, ROWS, DATA, DATA, float64, ROWS, VECTOR), **QUICK)
+@kernel(void(ROWS, ROWS, ROWS, ROWS, DATA, DATA, float64, ROWS, VECTOR), fast=FAST)
 def correct(y, w, scaling, slope, residual, predicted, gap, c, right):
     """Write c of Mehrotra's corrector from the predictor dy and its c, and its right-hand side; gap : yᵀw/nc."""
     nc, d = y.shape
@@ -167,7 +166,7 @@ def correct(y, w, scaling, slope, residual, predicted, gap, c, right):
     _reduce(c, slope, residual, right)
 
 
-@njit(float64(ROWS, ROWS, ROWS, ROWS, DATA, float64, float64), **QUICK)
+@kernel(float64(ROWS, ROWS, ROWS, ROWS, DATA, float64, float64), fast=FAST)
 def move(y, w, scaling, c, step, boundary, shortest):
     """Go the share `boundary` of the way to the boundary along (dy, c − Θdy), a full step at most; y and w are changed.
 

@@ -1,13 +1,13 @@
 """By how much one contact misses its law, with or without rolling friction, and its velocity from W by rows."""
 
 import numpy as np
-from numba import njit
 
+from cpbench.foundation.kernels import helper
 from cpbench_solvers.kernels.one_contact import natural_step as coulomb_step
 from cpbench_solvers.kernels.rolling_local import natural_step
 
 
-@njit(error_model="numpy")
+@helper()
 def velocity(start, column, blocks, q, r, c, v):
     """Set v = q_c + Σ W_cb r_b over the other contacts; blocks by rows."""
     d = v.size
@@ -20,7 +20,7 @@ def velocity(start, column, blocks, q, r, c, v):
                 v[i] += blocks[(e * d + i) * d + j] * r[other + j]
 
 
-@njit(error_model="numpy")
+@helper()
 def defect(r, u, mu, mu_r, rho, x):
     """Return ‖r − P_K(r − ρ û)‖² with rolling friction; x is room."""
     total = (r[0] - natural_step(r, u, mu, mu_r, rho, x)) ** 2
@@ -29,7 +29,7 @@ def defect(r, u, mu, mu_r, rho, x):
     return total
 
 
-@njit(error_model="numpy")
+@helper()
 def miss(r, u, mu, mu_r, rolling, rho, x):
     """Return ‖r − P_K(r − ρ û)‖²; x is room."""
     if rolling:

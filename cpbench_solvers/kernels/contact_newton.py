@@ -7,16 +7,14 @@ Reference in plain NumPy: `tests/solvers/references/newton_alart_curnier.py`.
 """
 
 import numpy as np
-from numba import boolean, float64, int32, int64, njit, types, void
 
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, KEPT
+from cpbench.foundation.kernels import DATA, DATA_2D, DATA_3D, INDEX, boolean, float64, int32, int64, kernel, void
 from cpbench_solvers.kernels.contact_functions import one_contact
 
-DATA_3D = types.Array(float64, 3, "C", readonly=True)
 BLOCKS = float64[:, :, ::1]
 
 
-@njit(void(int64, DATA, DATA, DATA, DATA_2D, float64[::1], BLOCKS, BLOCKS, boolean[::1]), **KEPT)
+@kernel(void(int64, DATA, DATA, DATA, DATA_2D, float64[::1], BLOCKS, BLOCKS, boolean[::1]))
 def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
     """Evaluate Φ, and its derivatives by contacts.
 
@@ -41,7 +39,7 @@ def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
                 moves[i] |= b[k, m] != 0.0 or a[k, m] != (1.0 if k == m else 0.0)
 
 
-@njit(void(DATA_2D, DATA_3D, DATA_3D, INDEX, float64[:, ::1]), **KEPT)
+@kernel(void(DATA_2D, DATA_3D, DATA_3D, INDEX, float64[:, ::1]))
 def dense_jacobian(W, A, B, contacts, J):
     """Assemble A + BW over some contacts, J : (d·k, d·k)."""
     d = A.shape[1]
@@ -60,7 +58,7 @@ def dense_jacobian(W, A, B, contacts, J):
                 row[d * p + b] += A[i, a, b]
 
 
-@njit(int64(INDEX, INDEX, DATA_3D, DATA_3D, DATA_3D, INDEX, INDEX, int32[::1], int32[::1], float64[::1]), **KEPT)
+@kernel(int64(INDEX, INDEX, DATA_3D, DATA_3D, DATA_3D, INDEX, INDEX, int32[::1], int32[::1], float64[::1]))
 def sparse_jacobian(first, row, W, A, B, contacts, number, start, index, value):
     """Return a + BW over some contacts by compressed columns; the number of its entries.
 

@@ -9,9 +9,8 @@ or P_K(x − ρF(y)) (Korpelevich's extragradient).
 """
 
 import numpy as np
-from numba import int64, njit
 
-from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, QUICK, VECTOR
+from cpbench.foundation.kernels import DATA, FAST, INDEX, VECTOR, helper, int64, kernel
 from cpbench_solvers.kernels.frozen_contact import CONE, product, projected_step
 from cpbench_solvers.kernels.vectors import put
 
@@ -22,7 +21,7 @@ SHORTER, REDUCTIONS, LONGEST = 2.0 / 3.0, 60, 100.0
 """ρ grows in the null space of W up to LONGEST, where W has diagonal 1."""
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def _shifted(start, column, blocks, q, mu, d, x, F):
     """Set F = û(x)."""
     product(start, column, blocks, d, x, F)
@@ -36,7 +35,7 @@ def _shifted(start, column, blocks, q, mu, d, x, F):
         F[f] += mu[i] * np.sqrt(square)  # De Saxcé's shift makes the law a variational inequality over the cones
 
 
-@njit(int64(INDEX, INDEX, DATA, DATA, DATA, int64, int64, VECTOR, VECTOR, int64), **QUICK)
+@kernel(int64(INDEX, INDEX, DATA, DATA, DATA, int64, int64, VECTOR, VECTOR, int64), fast=FAST)
 def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
     """Make `iterations` in place on x and ρ, shape (1,); return the evaluations of F."""
     F, G, y = np.empty(x.size), np.empty(x.size), np.empty(x.size)

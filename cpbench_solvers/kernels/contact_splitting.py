@@ -4,12 +4,11 @@ Reference in plain NumPy: `tests/solvers/references/admm_fc.py`.
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import DATA, QUICK, VECTOR
+from cpbench.foundation.kernels import DATA, FAST, VECTOR, float64, int64, kernel, void
 
 
-@njit(void(DATA, DATA, float64, float64, int64, VECTOR, VECTOR, VECTOR, VECTOR), **QUICK)
+@kernel(void(DATA, DATA, float64, float64, int64, VECTOR, VECTOR, VECTOR, VECTOR), fast=FAST)
 def advance(x, mu, rho, alpha, d, z, xi, shift, sizes):
     """Set z ← P_K(x̃ + ξ) with x̃ = αx + (1 − α)z, ξ ← ξ + x̃ − z, shift ← μ‖u_T‖ with u_T = −ρξ_T; all in place.
 

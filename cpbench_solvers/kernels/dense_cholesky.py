@@ -1,9 +1,8 @@
 """Cholesky factors of dense matrices, row by row where they are small and by blocks where products of matrices pay."""
 
 import numpy as np
-from numba import boolean, float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, VECTOR
+from cpbench.foundation.kernels import VECTOR, boolean, float64, helper, int64, void
 from cpbench_solvers.kernels.qp_dense import dot
 from cpbench_solvers.kernels.qp_ldl import BLOCK, dense_factor, substitute
 
@@ -12,7 +11,7 @@ BY_BLOCKS = 100
 MATRIX = float64[:, ::1]
 
 
-@njit(float64(MATRIX, int64, float64, boolean), **COMPILED)
+@helper(float64(MATRIX, int64, float64, boolean))
 def _diagonal(H, i, shift, unit):
     """Return the number on the diagonal that `cholesky` factors, 0 where a row of zeros would have to be one."""
     if not unit:
@@ -25,7 +24,7 @@ def _diagonal(H, i, shift, unit):
     return 1.0  # an unknown without curvature: semidefinite, if nothing else is in its row
 
 
-@njit(float64(MATRIX, MATRIX, float64, boolean), **COMPILED)
+@helper(float64(MATRIX, MATRIX, float64, boolean))
 def _by_blocks(H, L, shift, unit):
     """Write and return what `cholesky` does, by LDLᵀ."""
     n = H.shape[0]
@@ -47,7 +46,7 @@ def _by_blocks(H, L, shift, unit):
     return least
 
 
-@njit(float64(MATRIX, MATRIX, float64, boolean), **COMPILED)
+@helper(float64(MATRIX, MATRIX, float64, boolean))
 def cholesky(H, L, shift, unit):
     """Write the lower factor of H + shift·diag(H) (`unit`), or of H + shift·I, and return the least share that is left
     of a number on the diagonal; 0 at the first one of which nothing is. Where `unit`, a row with the diagonal entry 0
@@ -68,14 +67,14 @@ def cholesky(H, L, shift, unit):
     return least
 
 
-@njit(void(MATRIX, VECTOR, int64), **COMPILED)
+@helper(void(MATRIX, VECTOR, int64))
 def forward(L, x, first):
     """Set x ← L⁻¹x, whose numbers before `first` are 0."""
     for i in range(first, x.size):
         x[i] = (x[i] - dot(L[i, first:i], x[first:i])) / L[i, i]  # column by column would be strided: L lies by rows
 
 
-@njit(void(MATRIX, MATRIX), **COMPILED)
+@helper(void(MATRIX, MATRIX))
 def forward_by_blocks(L, columns):
     """Set every column of `columns`, (n, ·), to L⁻¹ times it."""
     n = L.shape[0]
@@ -90,7 +89,7 @@ def forward_by_blocks(L, columns):
                     row[i] -= less[i]
 
 
-@njit(void(MATRIX, VECTOR), **COMPILED)
+@helper(void(MATRIX, VECTOR))
 def backward(L, x):
     """Set x ← L⁻ᵀx."""
     for i in range(x.size - 1, -1, -1):

@@ -6,9 +6,8 @@ begin at the least Σ (log D_i A_ij D_j)² (Curtis and Reid 1972).
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, FAST, INDEX, START, VECTOR
+from cpbench.foundation.kernels import DATA, FAST, INDEX, START, VECTOR, float64, helper, int64, kernel, void
 
 STEPS, CG_STEPS = 30, 100
 GUESSED, ENOUGH = 0.1, 1e-4
@@ -27,13 +26,13 @@ UNSIGNED, EXPONENT, BIAS = np.int64(2**63 - 1), np.log(2.0) * 2.0**-52, 1023.0 *
 """Logarithms from the bits of a number are linear between powers of two, wrong by 0.06 at most: enough for a guess."""
 
 
-@njit(inline="always")
+@helper(inline=True)
 def _follow(column, begin, end):
     """Return whether the columns of a row follow each other, which needs no indices."""
     return end - begin > LONG and column[end - ONE] - column[begin] == end - begin - ONE
 
 
-@njit(void(START, START, DATA, int64, int64, DATA, VECTOR), fastmath=FAST, **COMPILED)
+@helper(void(START, START, DATA, int64, int64, DATA, VECTOR), fast=FAST)
 def _times(start, column, weight, first, last, x, y):
     """Write the rows from `first` to `last` of Wx."""
     for i in range(first, last):
@@ -48,7 +47,7 @@ def _times(start, column, weight, first, last, x, y):
         y[i] = total
 
 
-@njit(float64(START, START, VECTOR, int64, DATA), fastmath=FAST, **COMPILED)
+@helper(float64(START, START, VECTOR, int64, DATA), fast=FAST)
 def _scale_row(start, column, weight, i, x):
     """Set W_ij ← x_i W_ij x_j in a row; return its sum."""
     begin, end, total, own = start[i], start[i + 1], 0.0, x[i]
@@ -64,7 +63,7 @@ def _scale_row(start, column, weight, i, x):
     return total
 
 
-@njit(void(START, START, DATA, DATA, int64, VECTOR), fastmath=FAST, **COMPILED)
+@helper(void(START, START, DATA, DATA, int64, VECTOR), fast=FAST)
 def _eliminate(start, column, weight, diagonal, head, x):
     """Write the rows from `head` on of x, so that these rows of (diag(diagonal) + W) x are 0."""
     _times(start, column, weight, head, x.size, x, x)  # columns of these rows are before them
@@ -72,7 +71,7 @@ def _eliminate(start, column, weight, diagonal, head, x):
         x[i] = -x[i] / diagonal[i] if diagonal[i] > 0.0 else 0.0
 
 
-@njit(void(START, START, DATA, DATA, int64, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
+@helper(void(START, START, DATA, DATA, int64, VECTOR, VECTOR), fast=FAST)
 def _product(start, column, weight, diagonal, head, x, y):
     """Write the rows before `head` of diag(diagonal) x + Wx."""
     _times(start, column, weight, 0, head, x, y)
@@ -80,7 +79,7 @@ def _product(start, column, weight, diagonal, head, x, y):
         y[i] += diagonal[i] * x[i]
 
 
-@njit(inline="always")
+@helper(inline=True)
 def _reduced(start, column, weight, i, head, inverse, moved):
     """Return Σ W_ij² inverse_j, Σ W_ij moved_j, which are 0 before `head`, and W_ii."""
     begin, end, own, right, same = start[i], start[i + 1], 0.0, 0.0, 0.0
@@ -97,7 +96,7 @@ def _reduced(start, column, weight, i, head, inverse, moved):
     return own, right, same
 
 
-@njit(void(START, START, DATA, DATA, int64, VECTOR, VECTOR, float64, int64), **COMPILED)
+@helper(void(START, START, DATA, DATA, int64, VECTOR, VECTOR, float64, int64))
 def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
     """Write the x of (diag(diagonal) + W) x = r, as far as what is left of r, squared and over the diagonal of the
     matrix without the rows from `head` on, is more than `enough`. Those rows are eliminated; r is overwritten."""
@@ -140,7 +139,7 @@ def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
             x[i] += r[i] / diagonal[i]
 
 
-@njit(float64(START, START, DATA, DATA, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
+@helper(float64(START, START, DATA, DATA, VECTOR, VECTOR), fast=FAST)
 def _weigh(start, column, size, D, weight, sums):
     """Write the entries D_i A_ij D_j and the sum of each row; return the largest sum."""
     most = 0.0
@@ -153,7 +152,7 @@ def _weigh(start, column, size, D, weight, sums):
     return most
 
 
-@njit(void(INDEX, INDEX, DATA, int64, VECTOR), **COMPILED)
+@kernel(void(INDEX, INDEX, DATA, int64, VECTOR))
 def equilibrate(start, column, size, head, D):
     """Write D; 1 for rows that are empty. A, in CSR, has the absolute values of `size`, none of them 0. Rows from
     `head` on have entries in columns before it alone."""

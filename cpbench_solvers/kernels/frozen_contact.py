@@ -6,9 +6,8 @@ W is block-CSR with its diagonal blocks, rows of a block one after the other; d 
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, QUICK, VECTOR
+from cpbench.foundation.kernels import DATA, FAST, INDEX, VECTOR, float64, helper, int64, kernel, void
 from cpbench_solvers.kernels.one_contact import projected
 
 CONE, CYLINDER = 0, 1
@@ -21,7 +20,7 @@ LOCAL, LOCAL_GAIN = 20, 1e-2
 """Projected gradient steps on one contact in a sweep, at most, and the share of the first change that ends them."""
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def project(kind, y0, y1, y2, mu, radius):
     """Return the nearest point of the set to y."""
     if kind == CONE:
@@ -34,7 +33,7 @@ def project(kind, y0, y1, y2, mu, radius):
     return normal, factor * y1, factor * y2
 
 
-@njit(void(INDEX, INDEX, DATA, int64, VECTOR, VECTOR), **QUICK)
+@kernel(void(INDEX, INDEX, DATA, int64, VECTOR, VECTOR), fast=FAST)
 def product(start, column, blocks, d, x, out):
     """Set out = Wx."""
     for i in range(start.size - 1):
@@ -56,7 +55,7 @@ def product(start, column, blocks, d, x, out):
             out[2 * i], out[2 * i + 1] = u0, u1
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def projected_step(kind, z, step, gradient, mu, radius, d, x):
     """Set x = P(z − step·gradient)."""
     for i in range(mu.size):
@@ -70,7 +69,7 @@ def projected_step(kind, z, step, gradient, mu, radius, d, x):
             x[f + 2] = b
 
 
-@njit(float64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR), **QUICK)
+@kernel(float64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR), fast=FAST)
 def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
     """Return ‖x − P(x − (Wx + p))‖ / max(‖x‖, ‖Wx + p‖, ‖p‖); Wx and `work` are written."""
     product(start, column, blocks, d, x, Wx)
@@ -86,7 +85,9 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
     return np.sqrt(apart / scale) if scale > 0.0 else 0.0
 
 
-@njit(int64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, int64), **QUICK)
+@kernel(
+    int64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, int64), fast=FAST
+)
 def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, state, iterations):
     """Make `iterations` of Nesterov's method from (x, z), moving all vectors; return the products with W.
 
@@ -128,7 +129,7 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
     return products
 
 
-@njit(void(INDEX, INDEX, DATA, DATA, DATA, int64, DATA, DATA, DATA, int64, VECTOR, int64), **QUICK)
+@kernel(void(INDEX, INDEX, DATA, DATA, DATA, int64, DATA, DATA, DATA, int64, VECTOR, int64), fast=FAST)
 def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, count):
     """Make `count` Gauss–Seidel sweeps, in place on x: each contact by projected gradient steps of its length.
 

@@ -4,9 +4,20 @@ Reference in plain NumPy: `tests/solvers/references/nsgs.py`.
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, QUICK, START, VECTOR
+from cpbench.foundation.kernels import (
+    COLUMN,
+    DATA,
+    DATA_2D,
+    FAST,
+    START,
+    VECTOR,
+    boolean,
+    float64,
+    helper,
+    int64,
+    kernel,
+)
 from cpbench_solvers.kernels.block_row import fetch
 from cpbench_solvers.kernels.contact_error import looked, velocity_2d, velocity_3d
 from cpbench_solvers.kernels.one_contact import PROJECT, natural_step, one_contact_2d, one_contact_3d
@@ -17,7 +28,7 @@ CACHED, AHEAD, LINE = 1 << 20, 20, 8
 eight numbers at a time: the solution of one contact waits for nothing then, and memory does not wait for it."""
 
 
-@njit(error_model="numpy")
+@helper()
 def fetch_row(start, blocks, i):
     """Ask for the blocks of contact i."""
     number, last = np.uint64(9) * start[i], np.uint64(9) * start[i + 1]
@@ -26,7 +37,7 @@ def fetch_row(start, blocks, i):
         number += np.uint64(LINE)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega):
     """Return Σ‖change of r_c‖²/ρ_c of one sweep, in place on r; omega is not in it."""
     change = 0.0
@@ -55,7 +66,7 @@ def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, 
     return change
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
     """Sweep as `sweep_3d` does, 4 numbers a block; the local problem needs nothing but `diagonal`."""
     change = 0.0
@@ -81,7 +92,7 @@ _ARGUMENTS = (
 )
 
 
-@njit(int64(*_ARGUMENTS), **QUICK)
+@kernel(int64(*_ARGUMENTS), fast=FAST)
 def sweeps_3d(
     start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle,
     tolerance, until, state, measured, log_iteration, log_error, best,
@@ -115,7 +126,7 @@ def sweeps_3d(
 # not one kernel for both: sums are made in any order, and the compiler chooses others where it has a branch
 
 
-@njit(int64(*_ARGUMENTS), **QUICK)
+@kernel(int64(*_ARGUMENTS), fast=FAST)
 def sweeps_2d(
     start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle,
     tolerance, until, state, measured, log_iteration, log_error, best,

@@ -1,13 +1,12 @@
 """The error of an LCP's answer by norms."""
 
 import numpy as np
-from numba import float64, njit
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench.foundation.kernels import DATA, DATA_2D, float64, kernel
 from cpbench_solvers.kernels.row_errors import FAST, INDICES
 
 
-@njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
+@kernel(float64(DATA, DATA, DATA, float64), fast=FAST)
 def judged(q, z, w, z_unit):
     """Return max(natural, unit_free) of `cpbench.formulations.linear` for Mz = w - q; NaN when anything is."""
     n = q.size
@@ -36,7 +35,7 @@ def judged(q, z, w, z_unit):
     return natural if not natural < unit_free else unit_free  # so: a NaN is returned
 
 
-@njit(float64(DATA_2D, DATA, DATA, float64), fastmath=FAST, **COMPILED)
+@kernel(float64(DATA_2D, DATA, DATA, float64), fast=FAST)
 def error_dense(M, q, z, z_unit):
     """Return `judged` of an answer. M : (n, n). q, z : (n,). z_unit : of the LCP."""
     w = np.empty(q.size)
@@ -48,7 +47,7 @@ def error_dense(M, q, z, z_unit):
     return judged(q, z, w, z_unit)
 
 
-@njit([float64(*index, DATA, DATA, DATA, float64) for index in INDICES], fastmath=FAST, **COMPILED)
+@kernel(*(float64(*index, DATA, DATA, DATA, float64) for index in INDICES), fast=FAST)
 def error_sparse(start, columns, values, q, z, z_unit):
     """Measure as `error_dense` does; row i of M has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
     w = np.empty(q.size)

@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
 
-from cpbench_solvers.kernels.array_types import DATA
+from cpbench.foundation.kernels import DATA, boolean, float64, int64, kernel, tuple_of, void
 from cpbench_solvers.kernels.lcp_error import error_dense
 from cpbench_solvers.kernels.pivoting import lemke
 from cpbench_solvers.kernels.row_errors import is_exact
@@ -13,11 +12,7 @@ from cpbench_solvers.kernels.row_errors import is_exact
 MATRIX = float64[:, ::1]
 
 
-@njit(
-    types.Tuple((int64, float64, boolean))(MATRIX, DATA, float64[::1], float64, int64, float64, float64),
-    cache=True,
-    nogil=True,
-)
+@kernel(tuple_of(int64, float64, boolean)(MATRIX, DATA, float64[::1], float64, int64, float64, float64))
 def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (what `lemke` returns, the judged error of z, NaN where it is not finite, whether z is exact to rounding);
     z_unit : of the LCP."""
@@ -26,7 +21,7 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     return code, error_dense(M, q, z, z_unit), is_exact(M, q, z, 0)
 
 
-@njit(float64(MATRIX), cache=True, nogil=True)
+@kernel(float64(MATRIX))
 def spread(M):
     """Return by how much the largest entries of rows, or of columns, differ; rows and columns of zeros do not count."""
     n = M.shape[0]
@@ -48,7 +43,7 @@ def spread(M):
     return max(found, high / low)
 
 
-@njit(void(MATRIX, int64, float64[::1], float64[::1], MATRIX), cache=True, nogil=True)
+@kernel(void(MATRIX, int64, float64[::1], float64[::1], MATRIX))
 def even(M, passes, rows, unknowns, scaled):
     """Write D₁, D₂ and D₁MD₂: powers of two near to Ruiz' scaling, whose passes take the square root of what is left of
     the differences between the largest entries of rows and of columns."""

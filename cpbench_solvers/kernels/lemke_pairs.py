@@ -5,9 +5,8 @@ and z' = (w_B, z_N) for B = {r, i} (Cottle, Pang and Stone 1992, section 2.3), f
 """
 
 import numpy as np
-from numba import float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX
+from cpbench.foundation.kernels import DATA, INDEX, boolean, float64, int64, kernel, tuple_of
 from cpbench_solvers.kernels.pivoting import lemke
 from cpbench_solvers.kernels.tableau import CODES, COMPLEMENTARY
 
@@ -18,7 +17,7 @@ ROUNDING = 1e-13
 """Entries of q' this little below zero, in units of its size, are zero."""
 
 
-@njit(int64(MATRIX, int64), **COMPILED)
+@kernel(int64(MATRIX, int64))
 def least_served(M, r):
     """Return the i with the least M_ir > 0 among those with M_ri ≠ 0, -1 without any."""
     found = -1
@@ -29,7 +28,7 @@ def least_served(M, r):
     return found
 
 
-@njit(types.boolean(MATRIX, DATA, int64, int64, MATRIX, float64[::1], float64[::1], float64[::1]), **COMPILED)
+@kernel(boolean(MATRIX, DATA, int64, int64, MATRIX, float64[::1], float64[::1], float64[::1]))
 def transform(M, q, r, i, T, t, row_unit, column_unit):
     """Write M' and q' of the basis {r, i}, rows over row_unit, columns times column_unit; False if singular."""
     n = q.size
@@ -73,7 +72,7 @@ def transform(M, q, r, i, T, t, row_unit, column_unit):
     return True
 
 
-@njit(types.UniTuple(int64, 2)(MATRIX, DATA, float64[::1], INDEX, int64, int64, float64, float64), **COMPILED)
+@kernel(tuple_of(*[int64] * 2)(MATRIX, DATA, float64[::1], INDEX, int64, int64, float64, float64))
 def from_pairs(M, q, z, order, first, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (how many of the pairs have been tried, pivots), after the first whose way ends in a complementary basis,
     whose z is written; -1 in place of the first where none does.

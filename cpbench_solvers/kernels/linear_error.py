@@ -6,9 +6,8 @@ constraints with a share of their own terms, too; what is left is the gap over t
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, VECTOR
+from cpbench.foundation.kernels import DATA, DATA_2D, VECTOR, boolean, float64, helper, int64, kernel, void
 from cpbench_solvers.kernels.linear_rows import LINEAR
 from cpbench_solvers.kernels.qp_ldl import CSR
 
@@ -24,10 +23,10 @@ and beside multipliers; z and multipliers."""
 CURVED, BARE, AT_0, AIMLESS, ABSOLUTE, CONSTRAINED = range(6)
 """What is known of a group: z is in the gradient; only the least constant is a size; z may be 0; there is no
 objective; the data give no size; it has multipliers."""
-_KNOWN, _SIZE = types.boolean[:, ::1], types.float64[:, ::1]
+_KNOWN, _SIZE = boolean[:, ::1], float64[:, ::1]
 
 
-@njit(boolean(float64, float64, float64, float64), **COMPILED)
+@helper(boolean(float64, float64, float64, float64))
 def _is_idle(low, high, x, f):
     """Return whether the row f pushes its unknown towards its nearer bound."""
     below, above = abs(x - low), abs(high - x)  # infinite where there is no bound
@@ -36,14 +35,14 @@ def _is_idle(low, high, x, f):
     return f < 0.0 and high < np.inf and above <= below
 
 
-@njit(boolean(float64, float64, float64), **COMPILED)
+@helper(boolean(float64, float64, float64))
 def _is_anchored(low, high, x):
     """Return whether an unknown is at a bound that is not 0, or beyond."""
     at_low = low != 0.0 and low > -np.inf and (x <= low or abs(x - low) <= NEAR * abs(low))
     return at_low or (high != 0.0 and high < np.inf and (x >= high or abs(x - high) <= NEAR * abs(high)))
 
 
-@njit(types.void(LINEAR, VECTOR, VECTOR, VECTOR, VECTOR), **COMPILED)
+@helper(void(LINEAR, VECTOR, VECTOR, VECTOR, VECTOR))
 def _rows(problem, x, f, sizes, sums):
     """Write the rows, the sizes of the unknowns, and the sums of the sizes of the terms of the rows."""
     n, start, column, value, c, low, high = problem[:7]
@@ -61,7 +60,7 @@ def _rows(problem, x, f, sizes, sums):
             f[i] = 0.0
 
 
-@njit(types.void(LINEAR, DATA, DATA, DATA, DATA, VECTOR, _KNOWN, _SIZE), **COMPILED)
+@helper(void(LINEAR, DATA, DATA, DATA, DATA, VECTOR, _KNOWN, _SIZE))
 def _needed(problem, x, f, sizes, sums, needed, known, size):
     """Write |D c| of every row as far as it gives a size, what is known of the groups, and what holds their unknowns
     where they are: constants that are not idle, and bounds."""
@@ -102,13 +101,13 @@ def _needed(problem, x, f, sizes, sums, needed, known, size):
             needed[i] = 0.0  # an idle constant is a size where there is no other
 
 
-@njit(float64(float64, float64), **COMPILED)
+@helper(float64(float64, float64))
 def _least(one, other):
     """Return the lesser one of two sizes, 0 standing for none."""
     return max(one, other) if one == 0.0 or other == 0.0 else min(one, other)
 
 
-@njit(types.void(LINEAR, DATA, DATA, DATA, _KNOWN, _SIZE), **COMPILED)
+@helper(void(LINEAR, DATA, DATA, DATA, _KNOWN, _SIZE))
 def _sizes(problem, sizes, sums, needed, known, size):
     """Write the sizes of the groups."""
     low, high, group, z, D, C = problem[5:11]
@@ -138,7 +137,7 @@ def _sizes(problem, sizes, sums, needed, known, size):
         size[FEEDS, g] = max(size[FEEDS, g], size[UNKNOWNS, g])
 
 
-@njit(types.void(LINEAR, _KNOWN, _SIZE, VECTOR, VECTOR), **COMPILED)
+@helper(void(LINEAR, _KNOWN, _SIZE, VECTOR, VECTOR))
 def _units(problem, known, size, x_unit, f_unit):
     """Write 1 over the sizes of unknowns and of rows."""
     group, z, D, C = problem[7:11]
@@ -152,7 +151,7 @@ def _units(problem, known, size, x_unit, f_unit):
             x_unit[i], f_unit[i] = x_unit[i] if z[i] else 0.0, 0.0 if z[i] else f_unit[i]
 
 
-@njit(float64(float64, float64, float64, float64, float64, float64), **COMPILED)
+@helper(float64(float64, float64, float64, float64, float64, float64))
 def _distance(low, high, x, f, x_unit, f_unit):
     """Return the larger one of the distances of x from its box and of f from where it must be, in units."""
     row = f * f_unit  # without a bound nothing may push towards it
@@ -161,7 +160,7 @@ def _distance(low, high, x, f, x_unit, f_unit):
     return max(below, above, 0.0)
 
 
-@njit(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE), **COMPILED)
+@helper(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE))
 def _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size):
     """Return the largest distance of an unknown and a row from where they must be."""
     low, high, group, z, D = problem[5:10]
@@ -192,7 +191,7 @@ def _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size):
     return worst
 
 
-@njit(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE), **COMPILED)
+@helper(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE))
 def _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size):
     """Return the largest gap of a group over its objective."""
     c, low, high, group, z, D, C = problem[4:11]
@@ -233,7 +232,7 @@ def _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size):
     return worst
 
 
-@njit(float64(LINEAR, DATA, DATA), **COMPILED)
+@kernel(float64(LINEAR, DATA, DATA))
 def largest_error(problem, answer, nu):
     """Return the error of an answer; infinite where that is no number.
 
@@ -259,7 +258,7 @@ def largest_error(problem, answer, nu):
     return max(error, _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size))
 
 
-@njit(boolean(float64, float64, float64, float64, float64), **COMPILED)
+@helper(boolean(float64, float64, float64, float64, float64))
 def _settled(low, high, x, f, noise):
     """Return whether an unknown is within its bounds, and its row is 0 to rounding or holds it at one."""
     # exactly at the bound: then any force of the right sign is allowed
@@ -267,7 +266,7 @@ def _settled(low, high, x, f, noise):
     return low <= x <= high and (held or abs(f) <= noise)
 
 
-@njit(boolean(CSR, CSR, DATA, DATA, int64, DATA, DATA, DATA), **COMPILED)
+@kernel(boolean(CSR, CSR, DATA, DATA, int64, DATA, DATA, DATA))
 def exact(M, G, q, h, m, lb, ub, x):
     """Return whether the answer is exact to rounding. Then no part has an error of more than a few times that, and that
     takes no units. The arguments are those of `linear`, and x, the unknowns and multipliers."""
@@ -291,7 +290,7 @@ def exact(M, G, q, h, m, lb, ub, x):
     return True
 
 
-@njit(boolean(DATA_2D, DATA, DATA_2D, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, DATA, DATA), **COMPILED)
+@helper(boolean(DATA_2D, DATA, DATA_2D, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, DATA, DATA))
 def exact_program(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     """Return whether an answer, λ ≥ 0 and z within its bounds, is exact to rounding: every row that does not hold its
     unknown where it is, is 0. No part has an error of more than a few times that then, and that takes no units."""

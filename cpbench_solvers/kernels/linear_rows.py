@@ -5,9 +5,8 @@ bounds of z, [0, ∞] for multipliers of inequalities, [−∞, ∞] for those o
 """
 
 import numpy as np
-from numba import boolean, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
+from cpbench.foundation.kernels import DATA, INDEX, VECTOR, boolean, helper, int64, kernel, read_only, tuple_of, void
 from cpbench_solvers.kernels.equilibration import equilibrate
 from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.row_errors import joined, label_parts, root
@@ -17,20 +16,18 @@ ENDLESS = 1e19
 """Bounds and sides from here on are none."""
 SYMMETRY = 1e-12
 """Share of its size by which an entry may differ from the one across the diagonal, as `cpbench.foundation` has it."""
-FLAGS = types.Array(boolean, 1, "C", readonly=True)
-LINEAR = types.Tuple((int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, FLAGS, DATA, DATA, boolean, boolean))
+FLAGS = read_only(boolean)
+LINEAR = tuple_of(int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, FLAGS, DATA, DATA, boolean, boolean)
 """How many z there are; K in CSR: row starts, columns, numbers; c, low and high, the box of x; the number of the group
 of rows that are measured together, from 0; whether an unknown is no multiplier; D and C, times which rows, and over
 which unknowns, are compared; whether the rows are those of a program; whether multipliers are a certificate only."""
-_LABELS = types.int64[::1]
-_OWN = types.Tuple((_LABELS, _LABELS, VECTOR))
-_BOX = types.Tuple((VECTOR, VECTOR, VECTOR))
-_OUT = types.Tuple(
-    (int64, *_OWN, VECTOR, VECTOR, VECTOR, _LABELS, types.boolean[::1], VECTOR, VECTOR, boolean, boolean)
-)
+_LABELS = int64[::1]
+_OWN = _LABELS, _LABELS, VECTOR
+_BOX = tuple_of(VECTOR, VECTOR, VECTOR)
+_OUT = tuple_of(int64, *_OWN, VECTOR, VECTOR, VECTOR, _LABELS, boolean[::1], VECTOR, VECTOR, boolean, boolean)
 
 
-@njit(_OWN(CSR, CSR), **COMPILED)
+@helper(tuple_of(*_OWN)(CSR, CSR))
 def conditions(M, G):
     """Return K in CSR, without zeros that are stored."""
     n, r, M, G = M[0].size - 1, G[0].size - 1, unsigned(M), unsigned(G)
@@ -62,7 +59,7 @@ def conditions(M, G):
     return start, column, value
 
 
-@njit(_LABELS(INDEX, INDEX, DATA), **COMPILED)
+@helper(_LABELS(INDEX, INDEX, DATA))
 def numbered(start, column, value):
     """Return the connected part of every row, numbered from 0."""
     part, count = np.empty(start.size - 1, np.int64), 0
@@ -76,13 +73,13 @@ def numbered(start, column, value):
     return part
 
 
-@njit(_LABELS(CSR, CSR), **COMPILED)
+@kernel(_LABELS(CSR, CSR))
 def labels(M, G):
     """Return the connected part of every unknown and row, numbered from 0."""
     return numbered(*conditions(M, G))
 
 
-@njit(_BOX(DATA, DATA, int64, DATA, DATA), **COMPILED)
+@helper(_BOX(DATA, DATA, int64, DATA, DATA))
 def boxed(q, h, m, lb, ub):
     """Return c, low and high: the constants of the rows, and the box of x, the first m rows of G being inequalities."""
     n, N = q.size, q.size + h.size
@@ -99,7 +96,7 @@ def boxed(q, h, m, lb, ub):
     return c, low, high
 
 
-@njit(_OWN(INDEX, INDEX, DATA), **COMPILED)
+@helper(tuple_of(*_OWN)(INDEX, INDEX, DATA))
 def _transposed(start, column, value):
     """Return Kᵀ in CSR."""
     begin, place, size = np.zeros(start.size, np.int64), np.empty(column.size, np.int64), np.empty(value.size)
@@ -116,7 +113,7 @@ def _transposed(start, column, value):
     return begin, place, size
 
 
-@njit(boolean(INDEX, INDEX, DATA, types.boolean[::1]), **COMPILED)
+@helper(boolean(INDEX, INDEX, DATA, boolean[::1]))
 def oriented(start, column, value, z):
     """Write which unknowns are no multipliers; return whether all rows are conditions of programs.
 
@@ -150,7 +147,7 @@ def oriented(start, column, value, z):
     return even
 
 
-@njit(types.void(INDEX, INDEX, DATA, VECTOR, VECTOR), **COMPILED)
+@helper(void(INDEX, INDEX, DATA, VECTOR, VECTOR))
 def _evened(start, column, value, D, C):
     """Write D and C for a K that is not symmetric, in CSR without zeros: it is one block of a matrix that is."""
     N, entries = D.size, column.size
@@ -167,7 +164,7 @@ def _evened(start, column, value, D, C):
         D[i], C[i] = both[i], both[N + i]
 
 
-@njit(types.void(INDEX, INDEX, VECTOR), **COMPILED)
+@helper(void(INDEX, INDEX, VECTOR))
 def _balance(start, column, D):
     """Let both sides of a part in which entries join only unknowns of different sides, as in linear programs, have the
     same mean logarithm: D of one side times a number, and of the other over it, scales as well."""
@@ -187,7 +184,7 @@ def _balance(start, column, D):
             D[i] *= np.exp(0.5 * (total[other] / count[other] - total[own] / count[own]))
 
 
-@njit(_OUT(CSR, CSR, DATA, DATA, int64, DATA, DATA, boolean), **COMPILED)
+@kernel(_OUT(CSR, CSR, DATA, DATA, int64, DATA, DATA, boolean))
 def linear(M, G, q, h, m, lb, ub, certifying):
     """Return the `LINEAR` of Mz + q in [lb, ub] with rows G, the first m of which are inequalities Gz ≥ h.
 

@@ -8,17 +8,16 @@ neighbours come last, and are left out of the lists, each of which would be look
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, helper, int32, int64, kernel, read_only, void
 
-_INT = types.int64[::1]
+_INT = int64[::1]
 DENSE, LEAST = 10.0, 16.0
 """Times √N is the number of neighbours beyond which an unknown comes last, and the least such number: those of 2004."""
-_INDEX = types.Array(types.int32, 1, "C", readonly=True)
+_INDEX = read_only(int32)
 
 
-@njit(types.void(types.int64, types.int64, _INT, _INT, _INT), **COMPILED)
+@helper(void(int64, int64, _INT, _INT, _INT))
 def _put_in(i, degree, head, after, before):
     """Put i into the list of its degree."""
     first = head[degree]
@@ -28,7 +27,7 @@ def _put_in(i, degree, head, after, before):
     head[degree] = i
 
 
-@njit(types.void(types.int64, _INT, _INT, _INT), **COMPILED)
+@helper(void(int64, _INT, _INT, _INT))
 def _take_out(i, head, after, before):
     """Take i out of the list of its degree."""
     if before[i] >= 0:
@@ -39,7 +38,7 @@ def _take_out(i, head, after, before):
         before[after[i]] = before[i]
 
 
-@njit(error_model="numpy")
+@helper()
 def _room(need, store, begin, size):
     """Return a store with room for `need` more numbers, and how much of it is used: what was absorbed is left out."""
     live = need
@@ -55,7 +54,7 @@ def _room(need, store, begin, size):
     return grown, at
 
 
-@njit(types.int64(_INT, _INT, types.boolean[::1]), **COMPILED)
+@helper(int64(_INT, _INT, boolean[::1]))
 def _full_ones(degree, order, gone):
     """Write the unknowns with very many neighbours at the end of the order; return where they begin there."""
     N = last = order.size
@@ -67,7 +66,7 @@ def _full_ones(degree, order, gone):
     return last
 
 
-@njit(types.int64(types.int64, types.int64, _INT, types.boolean[::1], _INT, types.int64), **COMPILED)
+@helper(int64(int64, int64, _INT, boolean[::1], _INT, int64))
 def _met(i, p, seen, gone, store, at):
     """Put unknown i into the element of p where it is not yet in it, nor in the order; return how many were put."""
     if seen[i] == p or gone[i]:
@@ -77,7 +76,7 @@ def _met(i, p, seen, gone, store, at):
     return 1
 
 
-@njit(types.void(_INDEX, _INDEX, _INT), **COMPILED)
+@kernel(void(_INDEX, _INDEX, _INT))
 def minimum_degree(indptr, indices, order):
     """Write the order of a matrix whose pattern, without its diagonal, is symmetric. order : (N,)."""
     N = order.size

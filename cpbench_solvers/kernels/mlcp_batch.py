@@ -1,15 +1,12 @@
 """Lemke's method on many MLCPs of one size."""
 
 import numpy as np
-from numba import float64, int64, njit, types, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench.foundation.kernels import DATA, DATA_2D, DATA_3D, float64, int64, kernel, void
 from cpbench_solvers.kernels.mlcp_pivoting import HEAD, lemke_mixed, workspace
 
-DATA_3D = types.Array(float64, 3, "C", readonly=True)
 
-
-@njit(void(DATA_3D, DATA_2D, DATA_2D, DATA_2D, DATA, int64, float64[:, ::1]), **COMPILED)
+@kernel(void(DATA_3D, DATA_2D, DATA_2D, DATA_2D, DATA, int64, float64[:, ::1]))
 def mlcp_batch(K, k, row_unit, unit, head, max_pivots, answers):
     """Run `lemke_mixed` on each of K (p, N, N), k, row_unit and unit (p, N); writes answers (p, N).
 

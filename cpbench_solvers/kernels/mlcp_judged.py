@@ -1,12 +1,11 @@
 """The judged error of an MLCP in scaled data: rows K x + k in units of `row_unit`, x in units of `unit`."""
 
 import numpy as np
-from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench.foundation.kernels import DATA, DATA_2D, float64, int64, kernel
 
 
-@njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), **COMPILED)
+@kernel(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64))
 def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
     """Return max(natural, unit_free, equality) of `cpbench.formulations.linear`; not finite when anything is.
 
@@ -53,7 +52,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
     return max(natural / data, max(np.sqrt(unit_free), equality))
 
 
-@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]), **COMPILED)
+@kernel(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]))
 def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
     """Return the judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
     N = k.size

@@ -6,9 +6,8 @@ tableau is N x (N + 1), k in its last column.
 """
 
 import numpy as np
-from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import DATA, KEPT
+from cpbench.foundation.kernels import DATA, float64, helper, int64, kernel, void
 from cpbench_solvers.kernels.mlcp_judged import error_with
 from cpbench_solvers.kernels.pivoting import WHOLE, lemke
 from cpbench_solvers.kernels.tableau import CODES as CODES
@@ -29,7 +28,7 @@ matrix may be singular."""
 VECTOR, MATRIX, INDEX = float64[::1], float64[:, ::1], int64[::1]
 
 
-@njit((MATRIX, INDEX, INDEX, int64, int64), **KEPT)
+@helper(void(MATRIX, INDEX, INDEX, int64, int64))
 def exchange(T, basic, nonbasic, r, s):
     """Make the variable of column s basic in row r. Row and column of the pivot are written afresh."""
     inverse = 1.0 / T[r, s]
@@ -45,7 +44,7 @@ def exchange(T, basic, nonbasic, r, s):
     basic[r], nonbasic[s] = nonbasic[s], basic[r]
 
 
-@njit((int64, int64, INDEX, INDEX, INDEX, INDEX), cache=True)
+@helper(void(int64, int64, INDEX, INDEX, INDEX, INDEX))
 def _number(N, n, basic, nonbasic, row_of, column_of):
     """Give the variables their numbers before any exchange."""
     for i in range(N):
@@ -54,7 +53,7 @@ def _number(N, n, basic, nonbasic, row_of, column_of):
         row_of[k] = column_of[k] = n + k
 
 
-@njit(error_model="numpy")
+@helper()
 def _largest(T, rows, columns, left, tolerance):
     """Return the largest size of the entries that are left, and its places; -1 where none is above the tolerance."""
     best, p, q = tolerance, -1, -1
@@ -66,7 +65,7 @@ def _largest(T, rows, columns, left, tolerance):
     return best, p, q
 
 
-@njit(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64), **KEPT)
+@kernel(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64))
 def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     """Bring the free unknowns into the basis; what is left is an LCP of the pairs (row_of[k], column_of[k]).
 
@@ -130,7 +129,7 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     return outcome
 
 
-@njit((MATRIX, VECTOR), cache=True)
+@kernel(void(MATRIX, VECTOR))
 def without_rounding(M, q):
     """Set what is left of a difference of equal numbers to 0: Lemke's method scales M and would enlarge it."""
     for i in range(q.size):
@@ -141,7 +140,7 @@ def without_rounding(M, q):
                 M[i, j] = 0.0
 
 
-@njit((MATRIX, INDEX, INDEX, MATRIX, VECTOR), cache=True)
+@kernel(void(MATRIX, INDEX, INDEX, MATRIX, VECTOR))
 def remaining(T, row_of, column_of, M, q):
     """Write the LCP of the pairs: M (m, m) and q (m,)."""
     for k in range(row_of.size):
@@ -151,7 +150,7 @@ def remaining(T, row_of, column_of, M, q):
     without_rounding(M, q)
 
 
-@njit((MATRIX, int64, INDEX, INDEX, INDEX, INDEX, DATA, VECTOR), cache=True)
+@kernel(void(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, DATA, VECTOR))
 def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
     """Write x of the whole problem from z of the pairs; free unknowns that are idle are 0."""
     N = T.shape[0]
@@ -172,7 +171,7 @@ def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
             x[basic[row_of[k]] - N] = 0.0
 
 
-@njit(int64(MATRIX, int64, VECTOR, INDEX, INDEX, INDEX, INDEX, float64), **KEPT)
+@helper(int64(MATRIX, int64, VECTOR, INDEX, INDEX, INDEX, INDEX, float64))
 def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance):
     """Bring the free unknowns and every v_k that is positive in `start` (N,) into the basis, for the equalities and
     their w_k: COMPLEMENTARY, or STUCK where the matrix of this basis is singular. Arrays as for `reduce`."""
@@ -199,7 +198,7 @@ def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance)
     return COMPLEMENTARY
 
 
-@njit(int64(VECTOR, VECTOR, int64, float64), **KEPT)
+@kernel(int64(VECTOR, VECTOR, int64, float64))
 def lemke_mixed(data, answer, max_pivots, tolerance):
     """Solve one MLCP in two arrays, for every array of a call costs what ten unknowns do.
 
@@ -211,7 +210,7 @@ def lemke_mixed(data, answer, max_pivots, tolerance):
     data : HEAD numbers, K (N, N), k (N,), row_unit (N,), unit (N,) and `workspace` more.
     answer : (N,) the start, or zeros; (u, v) is written there.
     """
-    N, n = answer.size, int64(data[0])
+    N, n = answer.size, np.int64(data[0])
     m = N - n
     v_unit, push, rank_tolerance, pivot_tolerance, tie_tolerance = data[1], data[2], data[3], data[4], data[5]
     at = HEAD
@@ -268,7 +267,7 @@ def lemke_mixed(data, answer, max_pivots, tolerance):
     return pivots * CODES + (RIGHT if error <= tolerance else outcome)
 
 
-@njit(int64(int64, int64), cache=True)
+@kernel(int64(int64, int64))
 def workspace(N, m):
     """Return numbers that `lemke_mixed` writes beside the answer."""
     return N * (N + 8) + m * (m + 2) + ((m + 4) * (m + 1) + 4 * (2 * m + 1) if m <= WHOLE else 0)

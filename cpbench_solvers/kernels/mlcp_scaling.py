@@ -3,18 +3,17 @@
 import math
 
 import numpy as np
-from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, VECTOR
+from cpbench.foundation.kernels import DATA, DATA_2D, VECTOR, float64, helper, int64, kernel, void
 
 
-@njit(float64(float64), **COMPILED)
+@helper(float64(float64))
 def power_of_two(top):
     """Return the power of 2 that brings a positive number into [1/2, 1)."""
     return math.ldexp(1.0, -math.frexp(top)[1])
 
 
-@njit(void(DATA_2D, DATA_2D, DATA_2D, DATA_2D, DATA, DATA, int64, float64[:, ::1], VECTOR, VECTOR, VECTOR), **COMPILED)
+@kernel(void(DATA_2D, DATA_2D, DATA_2D, DATA_2D, DATA, DATA, int64, float64[:, ::1], VECTOR, VECTOR, VECTOR))
 def scaled(A, B, C, D, a, b, passes, K, k, unit, row_unit):
     """Write K and k, scaled, and the units: of the unknowns, and of the rows.
 

@@ -3,9 +3,7 @@
 The rows K x are carried along, those of the free unknowns and those of the others apart, as the judged error has them.
 """
 
-from numba import float64, int64, njit
-
-from cpbench_solvers.kernels.array_types import DATA, KEPT, VECTOR
+from cpbench.foundation.kernels import DATA, VECTOR, float64, int64, kernel
 from cpbench_solvers.kernels.mlcp_judged import judged
 from cpbench_solvers.kernels.row_errors import FAST
 from cpbench_solvers.kernels.splitting import COLUMNS, add_column
@@ -13,7 +11,7 @@ from cpbench_solvers.kernels.splitting import COLUMNS, add_column
 LAW = (DATA, DATA, int64, DATA, DATA, float64, float64)
 
 
-@njit([int64(M, *LAW, VECTOR, VECTOR, VECTOR, float64, float64, VECTOR) for M in COLUMNS], fastmath=FAST, **KEPT)
+@kernel(*(int64(M, *LAW, VECTOR, VECTOR, VECTOR, float64, float64, VECTOR) for M in COLUMNS), fast=FAST)
 def sweeps(matrix, divisors, k, n, row_unit, unit, v_unit, push, x, of_u, of_v, omega, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on x, of_u and of_v; returns how many were done.
 

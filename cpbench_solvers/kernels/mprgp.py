@@ -8,9 +8,8 @@ A by rows: values[start[i]:start[i+1]] are in `column`; dense, n rows of n, wher
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import DATA, INDEX, KEPT, VECTOR
+from cpbench.foundation.kernels import DATA, INDEX, VECTOR, boolean, float64, helper, int64, kernel, void
 from cpbench_solvers.kernels.lcp_error import FAST
 
 LIMIT, SETTLED, RAY, NOT_FINITE = 0, 1, 2, 3
@@ -25,7 +24,7 @@ STATES = 5
 POWERS = 6
 
 
-@njit(types.void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR), fastmath=FAST, **KEPT)
+@kernel(void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR), fast=FAST)
 def multiply(start, column, values, x, out, state):
     """Set out = Ax; zeros of x cost nothing where A is dense."""
     n = x.size
@@ -45,7 +44,7 @@ def multiply(start, column, values, x, out, state):
         out[i] = total
 
 
-@njit(types.void(INDEX, INDEX, DATA, VECTOR, VECTOR, VECTOR), fastmath=FAST, **KEPT)
+@kernel(void(INDEX, INDEX, DATA, VECTOR, VECTOR, VECTOR), fast=FAST)
 def power(start, column, values, x, work, state):
     """Make a few steps of the power method from x, which is overwritten: state[LARGEST]."""
     for _ in range(POWERS):
@@ -64,13 +63,13 @@ def power(start, column, values, x, work, state):
         state[LARGEST] = max(state[LARGEST], np.sqrt(product / square))  # from below: any product says more about ‖A‖
 
 
-@njit(float64(float64, float64, float64, float64), **KEPT, inline="always")
+@kernel(float64(float64, float64, float64, float64))
 def free(x, g, low, high):
     """Return φ of one unknown."""
     return g if low < x < high else 0.0
 
 
-@njit(float64(float64, float64, float64, float64), **KEPT, inline="always")
+@helper(float64(float64, float64, float64, float64))
 def chopped(x, g, low, high):
     """Return β of one unknown; 0 where its bounds are the same."""
     if x <= low:  # at or, by rounding, beyond it
@@ -78,7 +77,7 @@ def chopped(x, g, low, high):
     return max(g, 0.0) if x >= high else 0.0
 
 
-@njit(float64(DATA, DATA, DATA, DATA), **KEPT)
+@helper(float64(DATA, DATA, DATA, DATA))
 def longest(x, p, lower, upper):
     """Return the largest t with x − tp within the bounds."""
     t = np.inf
@@ -90,10 +89,8 @@ def longest(x, p, lower, upper):
     return max(t, 0.0)
 
 
-@njit(
-    boolean(INDEX, INDEX, DATA, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, float64, float64[:, ::1], VECTOR),
-    fastmath=FAST,
-    **KEPT,
+@kernel(
+    boolean(INDEX, INDEX, DATA, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, float64, float64[:, ::1], VECTOR), fast=FAST
 )
 def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
     """Return x ← P(x − td) and g afresh; False, with x and g as they were, where the objective would rise."""
@@ -116,7 +113,7 @@ def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
     return False
 
 
-@njit(types.void(VECTOR, VECTOR, DATA, DATA, float64, DATA, DATA), **KEPT)
+@kernel(void(VECTOR, VECTOR, DATA, DATA, float64, DATA, DATA))
 def advance(x, g, p, Ap, t, lower, upper):
     """Move by x −= tp, kept within the bounds, and g −= tAp."""
     for i in range(x.size):
@@ -124,13 +121,12 @@ def advance(x, g, p, Ap, t, lower, upper):
         g[i] -= t * Ap[i]
 
 
-@njit(
+@kernel(
     int64(
         *(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, float64[:, ::1], VECTOR),
         *(float64, boolean, float64, int64),
     ),
-    fastmath=FAST,
-    **KEPT,
+    fast=FAST,
 )
 def run(start, column, values, q, lower, upper, weight, x, g, p, work, state, gamma, projected, threshold, most):
     """Make at most `most` steps, in place on x, g, p and `state`; returns steps * CODES + outcome.

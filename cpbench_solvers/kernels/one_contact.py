@@ -7,9 +7,8 @@ remembered from sweep to sweep.
 """
 
 import numpy as np
-from numba import njit
 
-from cpbench_solvers.kernels.array_types import FAST
+from cpbench.foundation.kernels import FAST, helper
 
 PROJECT, INVERSE_NN, S11, S12, S21, S22, TN1, TN2, NT1, NT2, FLOOR, INDEFINITE = range(12)
 """Columns of `local`: 1 where the normal equation cannot be solved for r_N; 1/W_NN; S; W_TN/W_NN; W_NT/W_NN; the
@@ -22,7 +21,7 @@ LINEAR = 1e-14
 """Square of the share of r_T by which a last step may change it and be as exact when it is linear."""
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def projected(x0, x1, x2, mu):
     """Return P_K of one vector."""
     t = np.sqrt(x1 * x1 + x2 * x2)
@@ -35,14 +34,14 @@ def projected(x0, x1, x2, mu):
     return normal, factor * x1, factor * x2
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def natural_step(r0, r1, r2, u0, u1, u2, mu, rho):
     """Return P_K(r - ρ û): a fixed point is a solution, whatever the block is like."""
     hat = u0 + mu * np.sqrt(u1 * u1 + u2 * u2)
     return projected(r0 - rho * hat, r1 - rho * u1, r2 - rho * u2, mu)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     """Return (found, r_N, r_T1, r_T2, λ) of u = D r + v; not found only for indefinite blocks."""
     if v0 >= 0.0:
@@ -109,7 +108,7 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     return True, m * t / mu * inverse, y1 * m * inverse, y2 * m * inverse, lam
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@helper(fast=FAST)
 def one_contact_2d(a, h, g, c, v0, v1, mu):
     """Return (found, r_N, r_T) for D = [[a, h], [g, c]]: separation, sticking, and sliding to either side."""
     if v0 >= 0.0:

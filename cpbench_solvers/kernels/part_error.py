@@ -7,9 +7,8 @@ compared with the reactions: norms that have these in their scale pass where rea
 """
 
 import numpy as np
-from numba import int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, KEPT, START, VECTOR
+from cpbench.foundation.kernels import COLUMN, DATA, DATA_2D, INDEX, START, VECTOR, helper, int64, kernel, void
 from cpbench_solvers.kernels.contact_error import velocity_2d, velocity_3d
 from cpbench_solvers.kernels.contact_law import velocity
 from cpbench_solvers.kernels.vectors import square
@@ -20,7 +19,7 @@ FAR_BELOW = 2.0**-40
 """A part whose free velocities are this share of the largest of all is at rest: they are rounding."""
 
 
-@njit(error_model="numpy")
+@helper()
 def _velocity(start, column, blocks, diagonal, q, r, c, rolling, u):
     """Set u to row c of Wr + q."""
     d = u.size
@@ -35,7 +34,7 @@ def _velocity(start, column, blocks, diagonal, q, r, c, rolling, u):
             u[a] += diagonal[c, d * a + b] * r[d * c + b]
 
 
-@njit(error_model="numpy")
+@helper()
 def _slip(r, u, rho, radius):
     """Return ‖r/ρ − P(r/ρ − u)‖."""
     length = 0.0
@@ -50,7 +49,7 @@ def _slip(r, u, rho, radius):
     return np.sqrt(total)
 
 
-@njit(error_model="numpy")
+@helper()
 def _error(u, off, r, q, rho, mu, mu_r, size):
     """Return the error of a contact: of its reaction r at the velocity u, which is wrong by `off`, over the free
     velocities of its part."""
@@ -73,7 +72,7 @@ def _error(u, off, r, q, rho, mu, mu_r, size):
     return worst
 
 
-@njit(error_model="numpy")
+@helper()
 def _sizes(q, d, part, sizes):
     """Write the largest free velocity of every part; of a part at rest, where others move, that of all."""
     sizes[:] = 0.0
@@ -85,7 +84,7 @@ def _sizes(q, d, part, sizes):
         sizes[p] = sizes[p] if sizes[p] > 0.0 else 1.0
 
 
-@njit(void(DATA, DATA, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR, VECTOR), **KEPT)
+@kernel(void(DATA, DATA, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR, VECTOR))
 def velocity_error(u, off, r, q, mu, mu_r, rho, dimension, part, sizes, errors):
     """Write the free velocity and the error of every part, of reactions at given velocities; NaN when anything is.
     Arguments are those of `part_error`, and `off`, by how much the velocities are wrong."""
@@ -97,7 +96,7 @@ def velocity_error(u, off, r, q, mu, mu_r, rho, dimension, part, sizes, errors):
         errors[p] = errors[p] if errors[p] >= error else error  # NaN stays
 
 
-@njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR), **KEPT)
+@kernel(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR))
 def part_error(start, column, blocks, diagonal, q, mu, mu_r, rho, r, dimension, part, errors):
     """Write the error of r in every part; NaN when anything is. Parts without free velocities are measured as they are.
 

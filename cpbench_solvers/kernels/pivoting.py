@@ -9,9 +9,8 @@ Reference in plain NumPy: `tests/solvers/references/lemke.py`.
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import DATA, DATA_2D, MATRIX, VECTOR, float64, helper, int64, kernel, void
 from cpbench_solvers.kernels.tableau import (
     ANY_ORDER,
     CODES,
@@ -38,7 +37,7 @@ UNKNOWN = -(2**40)
 """The age of a column that cannot be read from M: the caller brings it."""
 
 
-@njit(void(ANY_ORDER, float64, float64[:, ::1], int64[::1], int64, float64[:, ::1], int64[::1], int64), **COMPILED)
+@kernel(void(ANY_ORDER, float64, MATRIX, int64[::1], int64, MATRIX, int64[::1], int64))
 def update(columns, factor, C, age, slot, E, rows, end):
     """Bring a column to `end` pivots, from M (row j of `columns` is its column j) where it was never used (age -1).
 
@@ -61,7 +60,7 @@ def update(columns, factor, C, age, slot, E, rows, end):
     age[slot] = end
 
 
-@njit(error_model="numpy")
+@helper()
 def pivot(col, rhs, entered, r, room, later):
     """Let the column `col` enter in row r, whose variable has `room` to its bound: kept in `entered`, taken from rhs.
 
@@ -81,12 +80,11 @@ def pivot(col, rhs, entered, r, room, later):
     entered[r] = col[r] = inverse  # E keeps the reciprocal: later updates multiply
 
 
-@njit(
+@kernel(
     int64(
-        *(ANY_ORDER, float64, float64[:, ::1], int64[::1], float64[:, ::1], int64[::1], float64[::1]),
-        *(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], int64, float64, float64),
-    ),
-    **COMPILED,
+        *(ANY_ORDER, float64, MATRIX, int64[::1], MATRIX, int64[::1], VECTOR),
+        *(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], VECTOR, int64, float64, float64),
+    )
 )
 def advance(
     columns, factor, C, age, E, rows, rhs, basic, nonbasic, where, state, ties, value,
@@ -151,10 +149,19 @@ def advance(
         state[1] = where[leaving + n if leaving < n else leaving - n]
 
 
-@njit(
-    "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[:,::1],"
-    " int64, float64, float64)",
-    **COMPILED,
+@kernel(
+    int64(
+        DATA_2D,
+        DATA,
+        VECTOR,
+        MATRIX,
+        MATRIX,
+        MATRIX,
+        int64[:, ::1],
+        int64,
+        float64,
+        float64,
+    )
 )
 def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
     """Run `lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
@@ -189,7 +196,7 @@ def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolera
     return state[2] * CODES + outcome
 
 
-@njit("int64(float64[:,::1], float64[::1], float64[::1], int64, float64, float64)", **COMPILED)
+@kernel(int64(DATA_2D, DATA, VECTOR, int64, float64, float64))
 def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
     """Solve one LCP from its data to z of the basis it ends in, all by vector updates; scales by max|M| and max|q|.
 

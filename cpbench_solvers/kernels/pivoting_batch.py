@@ -1,14 +1,13 @@
 """Lemke's method on many LCPs of one size."""
 
 import numpy as np
-from numba import njit
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import DATA_2D, DATA_3D, MATRIX, float64, int64, kernel, void
 from cpbench_solvers.kernels.pivoting import SPARE, WHOLE, solve
 from cpbench_solvers.kernels.tableau import whole_tableau
 
 
-@njit("void(float64[:,:,::1], float64[:,::1], float64[:,::1], int64, float64, float64)", **COMPILED)
+@kernel(void(DATA_3D, DATA_2D, MATRIX, int64, float64, float64))
 def lemke_batch(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
     """Run `lemke` on each of M (k, n, n), q (k, n): writes z (k, n), which is right where the run ends in a basis."""
     n = q.shape[1]

@@ -5,15 +5,14 @@ other way round where `swapped`. A pivot exchanges the two.
 """
 
 import numpy as np
-from numba import njit
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import MATRIX, VECTOR, boolean, float64, int64, kernel, void
 
 SOLVED, LIMIT, NOT_IN_CLASS, NOT_FINITE = 0, 1, 2, 3
 """Nothing is negative; as many pivots as allowed; the pair in hand has no positive diagonal entry; not a number."""
 
 
-@njit("void(float64[:,::1], int64, float64[::1])", **COMPILED)
+@kernel(void(MATRIX, int64, VECTOR))
 def exchange(T, r, row):
     """Exchange the two variables of pair r in place; row : (n,) workspace.
 
@@ -34,7 +33,7 @@ def exchange(T, r, row):
         T[r, j] = row[j]
 
 
-@njit("int64(float64[:,::1], float64[::1], boolean[::1], int64[::1], int64, float64, float64)", **COMPILED)
+@kernel(int64(MATRIX, VECTOR, boolean[::1], int64[::1], int64, float64, float64))
 def murty(T, y, swapped, state, until, pivot_tolerance, zero):
     """Exchange the first pair that is negative, until none is (Murty 1974).
 

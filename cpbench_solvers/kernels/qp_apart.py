@@ -1,20 +1,18 @@
 """The connected parts of a quadratic program solved one by one, the small ones by one compiled call for all."""
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, VECTOR
-from cpbench_solvers.kernels.array_types import INDEX as PART
+from cpbench.foundation.kernels import DATA, INDEX, VECTOR, boolean, float64, helper, int64, kernel, tuple_of, void
 from cpbench_solvers.kernels.qp_dual import SOLVED
 from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.qp_small import solve
 
-INTS = types.int64[::1]
+INTS = int64[::1]
 LEFT = -1
 """The outcome of parts that are too large for the call."""
 
 
-@njit(types.UniTuple(INTS, 2)(PART, int64), **COMPILED)
+@kernel(tuple_of(*[INTS] * 2)(INDEX, int64))
 def members(part, count):
     """Return (start, row): row[start[q]:start[q + 1]] are the members of part q, in their order."""
     start, row = np.zeros(count + 1, np.int64), np.empty(part.size, np.int64)
@@ -29,7 +27,7 @@ def members(part, count):
     return start, row
 
 
-@njit(float64[:, ::1](CSR, INTS, INTS, int64), **COMPILED)
+@helper(float64[:, ::1](CSR, INTS, INTS, int64))
 def _dense(M, rows, place, columns):
     """Return some rows as a dense matrix; place : of every column among the `columns` of the part."""
     result = np.zeros((rows.size, columns))
@@ -40,7 +38,7 @@ def _dense(M, rows, place, columns):
     return result
 
 
-@njit(boolean(float64, float64, float64, float64, VECTOR, VECTOR, int64), **COMPILED)
+@helper(boolean(float64, float64, float64, float64, VECTOR, VECTOR, int64))
 def _alone(q, p, low, high, z, nu, i):
     """Write the answer of an unknown without rows and neighbours; return whether there is one."""
     at = -p / q if q > 0.0 else (low if p > 0.0 else high if p < 0.0 else 0.0)
@@ -52,13 +50,12 @@ def _alone(q, p, low, high, z, nu, i):
     return True
 
 
-@njit(
-    types.void(
-        *(CSR, CSR, DATA, DATA, int64, DATA, DATA, PART, int64, int64),
+@kernel(
+    void(
+        *(CSR, CSR, DATA, DATA, int64, DATA, DATA, INDEX, int64, int64),
         *(float64, float64, float64, float64, int64, int64),
         *(VECTOR, VECTOR, VECTOR, INTS, INTS),
-    ),
-    **COMPILED,
+    )
 )
 def solve_parts(
     Q, G, p, h, m, lb, ub, part, count, most, tolerance, psd, proximal, feasible, passes, operations,

@@ -5,19 +5,18 @@ would hide any miss. Without prices it is sides that are reached that give Qz it
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, float64, helper, int64, kernel, read_only, tuple_of, void
 
-_VECTOR = types.Array(types.float64, 1, "C", readonly=True)
-_MATRIX = types.Array(types.float64, 2, "C", readonly=True)
-_OUT = types.float64[::1]
-_OUT2 = types.float64[:, ::1]
+_VECTOR = read_only(float64)
+_MATRIX = read_only(float64, 2)
+_OUT = float64[::1]
+_OUT2 = float64[:, ::1]
 NEAR = 0.5
 """Share of a side's size: a value that is nearer to it has its size from it."""
 
 
-@njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})
+@helper(float64(_VECTOR, _VECTOR), fast=frozenset({"reassoc", "contract"}))
 def dot(x, y):
     """Return xᵀy, summed in vector lanes."""
     total = 0.0
@@ -26,7 +25,7 @@ def dot(x, y):
     return total
 
 
-@njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})
+@kernel(float64(_VECTOR, _VECTOR), fast=frozenset({"reassoc", "contract"}))
 def sizes(x, y):
     """Return |x|ᵀ|y|."""
     total = 0.0
@@ -35,7 +34,7 @@ def sizes(x, y):
     return total
 
 
-@njit(types.float64(types.float64, types.float64, types.float64), **COMPILED)
+@helper(float64(float64, float64, float64))
 def measured(absolute, scale, data):
     """Return a value over its scale, or over 1 where that is more and `data`, the share of the problem in the scale,
     is 0; ∞ for what is no number."""
@@ -44,7 +43,7 @@ def measured(absolute, scale, data):
     return value if value >= 0.0 else np.inf  # also NaN
 
 
-@njit(types.float64(*(types.float64,) * 11), **COMPILED)
+@helper(float64(*(float64,) * 11))
 def largest(stationarity, force, price, primal, sides, side, dual, multiplier, gap, value, curvature):
     """Return the error of the parts, each with its scale; price, side and curvature are max|p|, the largest side and
     the largest entry of Q."""
@@ -57,7 +56,7 @@ def largest(stationarity, force, price, primal, sides, side, dual, multiplier, g
     )
 
 
-@njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), **COMPILED)
+@helper(tuple_of(*[float64] * 4)(*(float64,) * 4))
 def of_bounds(low, high, x, price):
     """Return of an unknown: how far it is outside its bounds, the size of these, how far its multiplier has a sign that
     no bound allows, and their part of the dual objective."""
@@ -74,13 +73,13 @@ def of_bounds(low, high, x, price):
     return outside, size, wrong, term
 
 
-@njit(types.boolean(types.float64, types.float64), **COMPILED)
+@helper(boolean(float64, float64))
 def reached(side, value):
     """Return whether a value has its size from a side that is not 0: it is nearer than by half of it."""
     return side != 0.0 and abs(side) < np.inf and abs(value - side) <= NEAR * abs(side)
 
 
-@njit(types.boolean(_VECTOR, _VECTOR, _VECTOR), **COMPILED)
+@helper(boolean(_VECTOR, _VECTOR, _VECTOR))
 def at_bounds(lb, ub, z):
     """Return whether an unknown has its size from a bound."""
     at = False
@@ -89,7 +88,7 @@ def at_bounds(lb, ub, z):
     return at
 
 
-@njit(types.float64(_MATRIX, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _VECTOR), **COMPILED)
+@helper(float64(_MATRIX, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _VECTOR))
 def _terms(Q, A, b, C, d, lb, ub, z):
     """Return the largest Σ_j |Q_ij z_j| where a side that is not 0 is reached, else 0."""
     sided, size = at_bounds(lb, ub, z), 0.0
@@ -103,12 +102,11 @@ def _terms(Q, A, b, C, d, lb, ub, z):
     return size
 
 
-@njit(
-    types.float64(
+@kernel(
+    float64(
         *(_MATRIX, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR),
         *(_VECTOR, _VECTOR, _VECTOR, _VECTOR, _OUT),
-    ),
-    **COMPILED,
+    )
 )
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     """Return the error of an answer. work : (2n,)."""
@@ -160,7 +158,7 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     return error
 
 
-@njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), **COMPILED)
+@kernel(void(_OUT2, _OUT2, _OUT, _OUT, int64))
 def equilibrate(H, G, column, row, passes):
     """Scale H ← DHD, G ← EGD with D, E powers of two that bring every row and column of [[H, Gᵀ], [G, 0]] near max norm
     1.

@@ -11,9 +11,8 @@ Reference in plain NumPy: `tests/solvers/references/dual_active_set.py`.
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, float64, helper, int64, kernel, read_only, void
 from cpbench_solvers.kernels.qp_dense import dot
 from cpbench_solvers.kernels.vectors import put
 
@@ -45,14 +44,14 @@ SHARE = 0.3
 ABREAST = 8
 """So many of them are projected on the span of W in one reading of its rows: numbers of one vector of the processor."""
 
-_VECTOR = types.Array(types.float64, 1, "C", readonly=True)
-_MATRIX = types.Array(types.float64, 2, "C", readonly=True)
-_OUT = types.float64[::1]
-_OUT2 = types.float64[:, ::1]
-_INT = types.int64[::1]
+_VECTOR = read_only(float64)
+_MATRIX = read_only(float64, 2)
+_OUT = float64[::1]
+_OUT2 = float64[:, ::1]
+_INT = int64[::1]
 
 
-@njit(types.void(_OUT2, _OUT), **COMPILED)
+@kernel(void(_OUT2, _OUT))
 def normalise(M, norms):
     """Scale the rows of M to length 1; norms : (N,) what they were, 0 for rows that are zero."""
     for i in range(M.shape[0]):
@@ -64,7 +63,7 @@ def normalise(M, norms):
                 row[j] /= length
 
 
-@njit(types.void(_OUT2, types.int64, types.int64, _OUT), **COMPILED)
+@helper(void(_OUT2, int64, int64, _OUT))
 def _forward(R, first, count, x):
     """Set x ← R⁻ᵀx, R and x from `first` to `count`."""
     for j in range(first, count):
@@ -74,14 +73,14 @@ def _forward(R, first, count, x):
             x[i] -= row[i] * x[j]
 
 
-@njit(types.void(_OUT2, types.int64, _OUT), **COMPILED)
+@helper(void(_OUT2, int64, _OUT))
 def _backward(R, count, x):
     """Set x ← R⁻¹x."""
     for j in range(count - 1, -1, -1):
         x[j] = (x[j] - dot(R[j, j + 1 : count], x[j + 1 : count])) / R[j, j]
 
 
-@njit(types.float64(_MATRIX, _OUT2, _INT, types.int64, types.int64, _OUT), **COMPILED)
+@helper(float64(_MATRIX, _OUT2, _INT, int64, int64, _OUT))
 def _outside(M, R, W, count, p, work):
     """Return length of the part of row p outside the span of W; work[:count] : R⁻ᵀM_W m_p. work : (3n,)
 
@@ -112,7 +111,7 @@ def _outside(M, R, W, count, p, work):
     return np.sqrt(dot(rest, rest))
 
 
-@njit(types.void(_OUT2, _INT, _INT, types.int64, types.float64, _OUT, types.int64), **COMPILED)
+@helper(void(_OUT2, _INT, _INT, int64, float64, _OUT, int64))
 def _join(R, W, where, p, length, column, count):
     """Add row p to W as its last; column, length : what `_outside` found."""
     for j in range(count):
@@ -122,7 +121,7 @@ def _join(R, W, where, p, length, column, count):
     where[p] = count
 
 
-@njit(types.void(_OUT2, _INT, _INT, types.int64, types.int64), **COMPILED)
+@helper(void(_OUT2, _INT, _INT, int64, int64))
 def _drop(R, W, where, k, count):
     """Remove the row at place k from W: its column goes, rotations of two rows make R triangular again."""
     where[W[k]] = FREE
@@ -145,7 +144,7 @@ def _drop(R, W, where, k, count):
             second[i] = c * g - s * f
 
 
-@njit(types.boolean(_OUT2, _INT, _INT, _INT, types.int64), **COMPILED)
+@helper(boolean(_OUT2, _INT, _INT, _INT, int64))
 def _leave(R, W, where, state, most):
     """Remove the rows that are to leave W; return whether `most` operations were enough."""
     while state[LEFT] > 0:
@@ -160,7 +159,7 @@ def _leave(R, W, where, state, most):
     return True
 
 
-@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _INT, types.int64, _OUT), **COMPILED)
+@helper(void(_MATRIX, _VECTOR, _VECTOR, _INT, int64, _OUT))
 def _primal(M, v0, y, W, count, v):
     """Set v = v₀ + Mᵀy."""
     for k in range(v.size):
@@ -171,10 +170,7 @@ def _primal(M, v0, y, W, count, v):
             v[k] += by * row[k]
 
 
-@njit(
-    types.int64(_MATRIX, types.int64, types.float64, types.float64, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT),
-    **COMPILED,
-)
+@helper(int64(_MATRIX, int64, float64, float64, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT))
 def _enter(M, p, sign, most, y, R, W, where, side, state, work):
     """Add row p to W. While it depends on W, v does not notice when its multiplier goes up (`sign` 1) or down
     (-1) at the cost of the others': it does so, by `most` at most, until one of those is 0 and leaves.
@@ -220,7 +216,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
         state[OPERATIONS] += 3 * (count - leaving) ** 2 + count
 
 
-@njit(types.void(_MATRIX, _VECTOR, _OUT, _OUT, _INT, _INT), **COMPILED)
+@kernel(void(_MATRIX, _VECTOR, _OUT, _OUT, _INT, _INT))
 def begin(M, v0, v, y, where, state):
     """Begin again from y, W empty: `advance` builds it.
 
@@ -237,10 +233,7 @@ def begin(M, v0, v, y, where, state):
                 v[k] += by * row[k]
 
 
-@njit(
-    types.boolean(*(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), types.int64),
-    **COMPILED,
-)
+@helper(boolean(*(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), int64))
 def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
     """Build W from the equalities and the rows of which y is not 0, less those that depend on others: their share of y
     goes to the others where signs allow it. Return whether `most` operations were enough."""
@@ -259,7 +252,7 @@ def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
     return True
 
 
-@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **COMPILED)
+@helper(void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT))
 def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work):
     """Make one pass; the rows that are to leave W are marked."""
     count = state[COUNT]
@@ -290,7 +283,7 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
     _primal(M, v0, y, W, count, v)
 
 
-@njit(types.int64(_OUT, types.float64, _INT, _OUT), **COMPILED)
+@helper(int64(_OUT, float64, _INT, _OUT))
 def _take_worst(violation, least, rows, signs):
     """Write the rows of the greatest violations above `least`, and the signs of these, which are 0 then; return their
     number."""
@@ -306,7 +299,7 @@ def _take_worst(violation, least, rows, signs):
     return rows.size
 
 
-@njit(types.void(_MATRIX, _OUT2, _INT, types.int64, _INT, types.int64, _OUT2), **COMPILED)
+@helper(void(_MATRIX, _OUT2, _INT, int64, _INT, int64, _OUT2))
 def _project(M, R, W, count, rows, many, X):
     """Write as column k of X what `_outside` has as a column for row k, for many rows at once."""
     X[:] = 0.0
@@ -324,10 +317,7 @@ def _project(M, R, W, count, rows, many, X):
                 to[k] -= by * from_one[k]
 
 
-@njit(
-    types.boolean(*(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, types.int64)),
-    **COMPILED,
-)
+@helper(boolean(*(_MATRIX, float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, int64)))
 def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work, most):
     """Add the rows violated by `least` at least to W, the worst first; those that nearly depend on it do not. Return
     whether `most` operations were enough."""
@@ -364,12 +354,11 @@ def _join_others(M, least, violation, lower, upper, R, W, where, side, state, wo
     return True
 
 
-@njit(
-    types.int64(
+@kernel(
+    int64(
         *(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT, _OUT, _OUT),
-        *(types.int64, types.int64, types.float64),
-    ),
-    **COMPILED,
+        *(int64, int64, float64),
+    )
 )
 def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before, work, max_passes, most, tolerance):
     """Make passes until v is feasible, or `max_passes` are done, or soon after `most` operations: the next call goes on

@@ -5,9 +5,8 @@ z at upper. Unknowns may have two sides, rows have one, or are equations.
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, float64, helper, int64, kernel, void
 from cpbench_solvers.kernels.qp_interior_step import (
     BAR,
     BEST,
@@ -48,7 +47,7 @@ GAIN, WINDOW = 0.99, 12
 BLOWN_UP = 1e12
 
 
-@njit(types.void(CSR, CSR, DATA, DATA, DATA, types.float64, ITERATE, OUT), **COMPILED)
+@helper(void(CSR, CSR, DATA, DATA, DATA, float64, ITERATE, OUT))
 def _gather(H, G, g, lower, upper, scale, iterate, sizes):
     """Write y of the sides, of fixed unknowns by stationarity, what is left of stationarity, and the size of tᵀz."""
     x, y, _, z, left, work = iterate
@@ -73,7 +72,7 @@ def _gather(H, G, g, lower, upper, scale, iterate, sizes):
     sizes[SIZE] = max(scale, abs(quadratic), abs(linear))
 
 
-@njit(types.boolean(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE, OUT), **COMPILED)
+@kernel(boolean(CSR, CSR, DATA, DATA, DATA, float64, SYSTEM, ITERATE, OUT))
 def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     """Write the regularized least-squares point, its slacks and multipliers pushed inside; False where the system
     breaks down."""
@@ -123,12 +122,11 @@ def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     return bool(np.isfinite(largest(x)))
 
 
-@njit(
-    types.int64(
-        *(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE),
-        *(types.float64, types.float64, types.float64, INT, OUT, types.int64),
-    ),
-    **COMPILED,
+@kernel(
+    int64(
+        *(CSR, CSR, DATA, DATA, DATA, float64, SYSTEM, ITERATE),
+        *(float64, float64, float64, INT, OUT, int64),
+    )
 )
 def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, counts, sizes, until):
     """Make one step, and more until there is a reason to come back.

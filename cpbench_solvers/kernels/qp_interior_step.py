@@ -11,10 +11,9 @@ Reference in plain NumPy: `tests/solvers/references/interior_point_qp.py`.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
-from cpbench_solvers.kernels.qp_ldl import CSR, DATA, OUT
+from cpbench.foundation.kernels import DATA, boolean, float64, helper, tuple_of
+from cpbench_solvers.kernels.qp_ldl import CSR, OUT
 from cpbench_solvers.kernels.qp_system import SYSTEM, apply, factor_system, largest, solve_system, times
 from cpbench_solvers.kernels.vectors import put
 
@@ -31,24 +30,24 @@ LONG, LONGER, FARTHER, NARROW, WIDE = 0.5, 1.5, 0.3, 0.1, 10.0
 into [NARROW, WIDE] times the aim (Colombo and Gondzio 2008, Comput. Optim. Appl. 41:277)."""
 GAINED = 0.1
 """Share of the difference of both steps that it must gain."""
-ITERATE = types.Tuple((OUT, OUT, OUT, OUT, OUT, OUT))
+ITERATE = tuple_of(OUT, OUT, OUT, OUT, OUT, OUT)
 """x (n,), y (n + r,), t and z of the lower and then of the upper sides, each (2, n + r), stationarity (n,), work of
 21 (n + r)."""
 
 
-@njit(types.boolean(types.float64, types.float64), inline="always", **COMPILED)
+@helper(boolean(float64, float64), inline=True)
 def has_lower(low, high):
     """Return whether an s has a lower side."""
     return low > -np.inf and low < high
 
 
-@njit(types.boolean(types.float64, types.float64), inline="always", **COMPILED)
+@helper(boolean(float64, float64), inline=True)
 def has_upper(low, high):
     """Return whether an s has an upper side."""
     return high < np.inf and low < high
 
 
-@njit(types.float64(OUT, OUT, DATA, DATA, types.float64), **COMPILED)
+@helper(float64(OUT, OUT, DATA, DATA, float64))
 def _reach(value, change, lower, upper, most):
     """Return the largest step up to `most` that keeps value + step·change ≥ 0 at all sides."""
     N, fastest = lower.size, 0.0
@@ -61,7 +60,7 @@ def _reach(value, change, lower, upper, most):
     return min(most, 1.0 / fastest) if fastest > 0.0 else most
 
 
-@njit(types.float64(OUT, OUT, DATA, DATA), **COMPILED)
+@helper(float64(OUT, OUT, DATA, DATA))
 def products(t, z, lower, upper):
     """Return tᵀz over all sides."""
     N, total = lower.size, 0.0
@@ -73,7 +72,7 @@ def products(t, z, lower, upper):
     return total
 
 
-@njit(types.float64(OUT, OUT, OUT, OUT, types.float64, DATA, DATA), **COMPILED)
+@helper(float64(OUT, OUT, OUT, OUT, float64, DATA, DATA))
 def _products_after(t, z, dt, dz, alpha, lower, upper):
     """Return (t + alpha dt)ᵀ(z + alpha dz) over all sides."""
     N, total = lower.size, 0.0
@@ -109,10 +108,7 @@ class PathStep(NamedTuple):
     kept: Any
 
 
-STEP = types.NamedUniTuple(OUT, len(PathStep._fields), PathStep)
-
-
-@njit(STEP(OUT, types.int64, types.int64), **COMPILED)
+@helper()
 def _views(work, n, N):
     """Return the parts of a work of 21 N numbers."""
     return PathStep(
@@ -133,7 +129,7 @@ def _views(work, n, N):
     )
 
 
-@njit(types.int64(OUT, OUT, DATA, DATA, types.float64, STEP), **COMPILED)
+@helper()
 def _scale(t, z, lower, upper, damping, step):
     """Write the weights w = z/t of the unknowns and theta = t/z of the rows; return the number of sides."""
     w, theta, n, N, count = step.w, step.theta, step.w.size, lower.size, 0
@@ -154,7 +150,7 @@ def _scale(t, z, lower, upper, damping, step):
     return count
 
 
-@njit(types.void(OUT, OUT, OUT, DATA, DATA, types.float64, STEP), **COMPILED)
+@helper()
 def _right_side(t, z, left, lower, upper, aim, step):
     """Write (a, b) of tz + t dz + z dt + e = aim."""
     n, N, s, e = step.w.size, lower.size, step.s, step.e
@@ -177,7 +173,7 @@ def _right_side(t, z, left, lower, upper, aim, step):
             b[i - n] = lower[i] - s[i] if equal else theta[i - n] * total
 
 
-@njit(types.void(CSR, OUT, OUT, DATA, DATA, types.float64, STEP), **COMPILED)
+@helper()
 def _directions(G, t, z, lower, upper, aim, step):
     """Write ds, dt and dz that belong to dx and v.
 
@@ -210,7 +206,7 @@ def _directions(G, t, z, lower, upper, aim, step):
                 dt[k] = -(c + t[k] * dz[k]) / z[k]
 
 
-@njit(types.void(OUT, OUT, OUT, OUT, DATA, DATA, types.float64, STEP), **COMPILED)
+@helper()
 def _move(x, y, t, z, lower, upper, alpha, step):
     """Go the share `alpha` of the step; y of what is no equation follows from z."""
     n, N, dx, v, dt, dz = x.size, lower.size, step.dx, step.v, step.dt, step.dz
@@ -227,7 +223,7 @@ def _move(x, y, t, z, lower, upper, alpha, step):
             y[i] -= alpha * v[i - n]
 
 
-@njit(**COMPILED)
+@helper()
 def _predict(G, system, iterate, lower, upper, mu, count, step):
     """Return the aim σμ of the corrector; write as e the second order of the predictor, which aims at tz = 0."""
     t, z, left = iterate[2], iterate[3], iterate[4]
@@ -245,7 +241,7 @@ def _predict(G, system, iterate, lower, upper, mu, count, step):
     return min((after / mu) ** 3, 1.0) * mu if mu > 0.0 else 0.0
 
 
-@njit(**COMPILED)
+@helper()
 def _correct(H, G, system, iterate, lower, upper, aim, share, most, step):
     """Write the step of tz + t dz + z dt + e = aim; return what the linear system leaves and how far it may go, 0 where
     that is no less than `most`."""
@@ -259,7 +255,7 @@ def _correct(H, G, system, iterate, lower, upper, aim, share, most, step):
     return error, min(1.0, share * reach)
 
 
-@njit(**COMPILED)
+@helper()
 def _bring_nearer(t, z, lower, upper, aim, trial, step):
     """Take from e what products after the step `trial` are too small or too large by, the latter up to WIDE · aim."""
     N, dt, dz, e = lower.size, step.dt, step.dz, step.e
@@ -270,10 +266,7 @@ def _bring_nearer(t, z, lower, upper, aim, trial, step):
             e[k] -= max(min(max(product, NARROW * aim), WIDE * aim) - product, -WIDE * aim)
 
 
-@njit(
-    types.float64(CSR, CSR, DATA, DATA, DATA, SYSTEM, ITERATE, types.float64, types.float64, types.float64, OUT),
-    **COMPILED,
-)
+@helper(float64(CSR, CSR, DATA, DATA, DATA, SYSTEM, ITERATE, float64, float64, float64, OUT))
 def take_step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
     """Return the share that the linear system leaves, infinite where it breaks down; take one predictor and corrector
     step where that is less than `sizes[LEFT]`. enough : tᵀz that is small enough."""

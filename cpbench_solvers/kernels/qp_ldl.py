@@ -6,26 +6,36 @@ not eliminated: what is left of them is their dense Schur complement. Davis 2005
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import (
+    DATA,
+    boolean,
+    float64,
+    helper,
+    int32,
+    int64,
+    kernel,
+    read_only,
+    tuple_of,
+    uint32,
+    void,
+)
 from cpbench_solvers.kernels.qp_dense import dot
 from cpbench_solvers.kernels.vectors import put
 
 BLOCK = 48
 """Columns that a dense factorization eliminates at once; what they do to the rest is one product of matrices."""
-INDEX = types.Array(types.int32, 1, "C", readonly=True)
-DATA = types.Array(types.float64, 1, "C", readonly=True)
-CSR = types.Tuple((INDEX, INDEX, DATA))
+INDEX = read_only(int32)
+CSR = tuple_of(INDEX, INDEX, DATA)
 """Row pointers, columns, numbers."""
-OUT = types.float64[::1]
-OUT2 = types.float64[:, ::1]
-INT = types.int64[::1]
-ROWS = types.uint32[::1]  # unsigned: a signed index costs a test for negative ones
-_COLUMNS = types.int32[::1]
+OUT = float64[::1]
+OUT2 = float64[:, ::1]
+INT = int64[::1]
+ROWS = uint32[::1]  # unsigned: a signed index costs a test for negative ones
+_COLUMNS = int32[::1]
 
 
-@njit(types.void(CSR, CSR, INT, _COLUMNS, _COLUMNS), **COMPILED)
+@kernel(void(CSR, CSR, INT, _COLUMNS, _COLUMNS))
 def adjacency(H, G, starts, indptr, indices):
     """Write the pattern of [[H, Gᵀ], [G, 0]] without its diagonal. starts : work, (n + r,). indices : of size
     nnz(H) + 2 nnz(G) at least."""
@@ -55,7 +65,7 @@ def adjacency(H, G, starts, indptr, indices):
             starts[n + i] += 1
 
 
-@njit(types.void(CSR, CSR, INT, INT, INT, _COLUMNS, _COLUMNS, OUT, OUT), **COMPILED)
+@kernel(void(CSR, CSR, INT, INT, INT, _COLUMNS, _COLUMNS, OUT, OUT))
 def permuted(H, G, place, starts, ends, indptr, indices, data, diagonal):
     """Write the columns of the upper triangle of [[H, Gᵀ], [G, 0]], unknown i at place[i], and its diagonal apart.
 
@@ -88,7 +98,7 @@ def permuted(H, G, place, starts, ends, indptr, indices, data, diagonal):
                 ends[k] = indptr[k]
 
 
-@njit(types.void(INDEX, INDEX, INT, INT), **COMPILED)
+@kernel(void(INDEX, INDEX, INT, INT))
 def tree(indptr, indices, parent, count):
     """Write the elimination tree and entries below the diagonal of every column of L. parent, count : (N,)."""
     N = parent.size
@@ -105,7 +115,7 @@ def tree(indptr, indices, parent, count):
                 i = parent[i]
 
 
-@njit(types.boolean(INDEX, INDEX, DATA, DATA, INT, INT, ROWS, OUT, OUT, OUT2, types.int64), **COMPILED)
+@kernel(boolean(INDEX, INDEX, DATA, DATA, INT, INT, ROWS, OUT, OUT, OUT2, int64))
 def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail):
     """Return L and D of the columns before `tail`, S (N - tail)² the lower triangle of the rest; False at a NaN
     and where a diagonal entry is 0.
@@ -159,7 +169,7 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
     return True
 
 
-@njit(types.boolean(OUT2, OUT, types.int64, types.int64), **COMPILED)
+@helper(boolean(OUT2, OUT, int64, int64))
 def _factor_block(S, diagonals, begin, end):
     """Overwrite a diagonal block by its L and D; False at a NaN and at a pivot of 0."""
     for i in range(begin, end):
@@ -177,7 +187,7 @@ def _factor_block(S, diagonals, begin, end):
     return True
 
 
-@njit(types.void(OUT2, types.int64, types.int64, OUT2, types.boolean), **COMPILED)
+@helper(void(OUT2, int64, int64, OUT2, boolean))
 def substitute(S, begin, end, columns, unit):
     """Set every column of `columns`, (end - begin, ·), to L⁻¹ times it, L that of a diagonal block, with ones on its
     diagonal where `unit`.
@@ -196,7 +206,7 @@ def substitute(S, begin, end, columns, unit):
                 row[i] /= pivot
 
 
-@njit(types.boolean(OUT2, OUT), **COMPILED)
+@kernel(boolean(OUT2, OUT))
 def dense_factor(S, diagonals):
     """Overwrite the lower triangle of a quasi-definite S by L below its diagonal and D on it; False at a NaN.
 
@@ -228,7 +238,7 @@ def dense_factor(S, diagonals):
     return True
 
 
-@njit(types.void(OUT2, OUT), **COMPILED)
+@kernel(void(OUT2, OUT))
 def dense_solve(S, x):
     """Set x ← (LDLᵀ)⁻¹x by the factors of `dense_factor`."""
     N = x.size
@@ -242,7 +252,7 @@ def dense_solve(S, x):
             x[k] -= row[k] * value
 
 
-@njit(types.void(INT, ROWS, DATA, OUT, types.int64), **COMPILED)
+@helper(void(INT, ROWS, DATA, OUT, int64))
 def forward(starts, rows, L, x, tail):
     """Set x ← L⁻¹x."""
     for c in range(tail):
@@ -251,7 +261,7 @@ def forward(starts, rows, L, x, tail):
             x[rows[q]] -= L[q] * value
 
 
-@njit(types.void(INT, ROWS, DATA, DATA, OUT, types.int64), **COMPILED)
+@helper(void(INT, ROWS, DATA, DATA, OUT, int64))
 def backward(starts, rows, L, D, x, tail):
     """Set x ← L⁻ᵀD⁻¹x."""
     for c in range(tail - 1, -1, -1):

@@ -16,21 +16,20 @@ is that of the bound; the multiplier of DUPLICATE rows belongs to the tighter on
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, float64, helper, int32, int64, kernel, tuple_of, void
 from cpbench_solvers.kernels.qp_ldl import CSR, DATA, INT, OUT, OUT2
 
 FIX, SINGLETON, FREE, DUPLICATE = 0, 1, 2, 3
 PASSES = 20
 SAME, STABLE = 1e-12, 1e-3
 """Numbers that differ by less than this share are the same; a pivot of FREE is at least this share of its row."""
-_FLAGS = types.boolean[::1]
-_OPS = types.int64[:, ::1]
-_OWN = types.Tuple((types.int32[::1], types.int32[::1], types.float64[::1]))
+_FLAGS = boolean[::1]
+_OPS = int64[:, ::1]
+_OWN = tuple_of(int32[::1], int32[::1], float64[::1])
 
 
-@njit(_OWN(CSR, types.int64), **COMPILED)
+@kernel(_OWN(CSR, int64))
 def transposed(M, columns):
     """Return the columns of M as rows."""
     rows = M[0].size - 1
@@ -49,12 +48,12 @@ def transposed(M, columns):
     return indptr, indices, data
 
 
-@njit(types.boolean(types.float64, types.float64), **COMPILED)
+@helper(boolean(float64, float64))
 def _apart(a, b):
     return abs(a - b) > SAME * max(1.0, abs(a), abs(b))
 
 
-@njit(types.int64(CSR, INT, types.int64, OUT, _FLAGS, _FLAGS, OUT, _OPS, OUT2, types.int64), **COMPILED)
+@helper(int64(CSR, INT, int64, OUT, _FLAGS, _FLAGS, OUT, _OPS, OUT2, int64))
 def _duplicates(G, left, m, b, rows, columns, key, ops, numbers, count):
     """Leave the tighter one of rows that are multiples of each other; return the number of operations, −1 where two
     equations contradict each other."""
@@ -105,7 +104,7 @@ def _duplicates(G, left, m, b, rows, columns, key, ops, numbers, count):
     return count
 
 
-@njit(types.int64(CSR, CSR, CSR, types.int64, OUT, OUT, OUT, OUT, _FLAGS, _FLAGS, OUT, OUT, _OPS, OUT2), **COMPILED)
+@kernel(int64(CSR, CSR, CSR, int64, OUT, OUT, OUT, OUT, _FLAGS, _FLAGS, OUT, OUT, _OPS, OUT2))
 def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
     """Do all that can be done and return the number of operations, −1 where the program seems to have no solution.
 
@@ -202,7 +201,7 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
     return _duplicates(G, left, m, b, rows, columns, np.empty(r), ops, numbers, count)
 
 
-@njit(types.void(CSR, CSR, CSR, types.int64, DATA, DATA, OUT, OUT, OUT, _OPS, OUT2, types.int64), **COMPILED)
+@kernel(void(CSR, CSR, CSR, int64, DATA, DATA, OUT, OUT, OUT, _OPS, OUT2, int64))
 def restore(Q, G, Gt, m, p, b, z, y, nu, ops, numbers, count):
     """Complete z, y and ν of what is left, z and y of what `reduce` has written. p, b : as they were asked."""
     for k in range(count - 1, -1, -1):  # backwards: what went first needs all the others
@@ -230,7 +229,7 @@ def restore(Q, G, Gt, m, p, b, z, y, nu, ops, numbers, count):
             y[j] = 0.0
 
 
-@njit(_OWN(CSR, _FLAGS, _FLAGS), **COMPILED)
+@kernel(_OWN(CSR, _FLAGS, _FLAGS))
 def left_of(M, rows, columns):
     """Return the rows and columns of M that are left."""
     place = np.empty(columns.size, np.int32)

@@ -7,9 +7,8 @@ lost, and passes would undo each other. Proximal steps are ahead then.
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import float64, helper, int64, kernel, read_only, void
 from cpbench_solvers.kernels.dense_cholesky import BY_BLOCKS, backward, cholesky, forward, forward_by_blocks
 from cpbench_solvers.kernels.linear_error import exact_program, largest_error
 from cpbench_solvers.kernels.linear_rows import linear
@@ -40,16 +39,16 @@ LEAST = 0.1
 """The size of H counts as this share of that of g at least when ε is chosen: H may be 0."""
 RAY, WINDOW, GAIN = 1e6, 20, 0.99
 """Proximal steps end where x has grown to this, and where the error has not fallen for a while."""
-VECTOR = types.Array(types.float64, 1, "C", readonly=True)
-MATRIX = types.Array(types.float64, 2, "C", readonly=True)
-_OUT = types.float64[::1]
-_OUT2 = types.float64[:, ::1]
-INDEX = types.int64[::1]
+VECTOR = read_only(float64)
+MATRIX = read_only(float64, 2)
+_OUT = float64[::1]
+_OUT2 = float64[:, ::1]
+INDEX = int64[::1]
 PROGRAM = (MATRIX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR)
 """Q, p, A, b, C, d, lb, ub."""
 
 
-@njit(types.float64(_OUT2, _OUT, types.float64, types.float64, _OUT2), **COMPILED)
+@helper(float64(_OUT2, _OUT, float64, float64, _OUT2))
 def _factor(H, g, psd, proximal, L):
     """Write L of H + εI and return ε, which is 0 where H is positive definite; −1 where it is not semidefinite.
 
@@ -68,7 +67,7 @@ def _factor(H, g, psd, proximal, L):
     return epsilon if cholesky(H, L, epsilon, False) > 0.0 else -1.0
 
 
-@njit(types.int64(_OUT2, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, _OUT), **COMPILED)
+@helper(int64(_OUT2, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, _OUT))
 def _excluding(G, b, lb, ub, L, g, D, E):
     """Return how many bounds and inequalities exclude x = −(LLᵀ)⁻¹g, the minimum without them and the equations."""
     n, m, count = g.size, b.size, 0
@@ -82,9 +81,7 @@ def _excluding(G, b, lb, ub, L, g, D, E):
     return count
 
 
-@njit(
-    types.void(_OUT2, VECTOR, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, *(_OUT2, INDEX, _OUT, _OUT, _OUT)), **COMPILED
-)
+@helper(void(_OUT2, VECTOR, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, *(_OUT2, INDEX, _OUT, _OUT, _OUT)))
 def _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms):
     """Write bounds and rows as lower ≤ Mv ≤ upper, each row of M of norm 1, with the s of each in `place`."""
     n, m, at = D.size, b.size, 0
@@ -116,7 +113,7 @@ def _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms):
             norms[k] = 1.0  # a row of zeros: nothing divides by it
 
 
-@njit(types.float64(*(_OUT, _OUT, INDEX, _OUT, _OUT, _OUT, VECTOR, VECTOR), *(_OUT, _OUT, _OUT, _OUT)), **COMPILED)
+@helper(float64(*(_OUT, _OUT, INDEX, _OUT, _OUT, _OUT, VECTOR, VECTOR), *(_OUT, _OUT, _OUT, _OUT)))
 def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
     """Write z, λ, μ and ν of x and the multipliers y of its sides; return the largest size of an x."""
     n, m, top = x.size, lam.size, 0.0
@@ -139,7 +136,7 @@ def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
     return top
 
 
-@njit(types.float64(*PROGRAM, types.float64, _OUT, _OUT, _OUT, _OUT, _OUT), **COMPILED)
+@helper(float64(*PROGRAM, float64, _OUT, _OUT, _OUT, _OUT, _OUT))
 def _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge):
     """Return the error of an answer by norms and, where that is within the tolerance, the verdict's."""
     error = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
@@ -150,7 +147,7 @@ def _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge):
     return error
 
 
-@njit(types.void(_OUT, _OUT, _OUT, _OUT, _OUT), **COMPILED)
+@helper(void(_OUT, _OUT, _OUT, _OUT, _OUT))
 def _keep(best, z, nu, lam, mu):
     """Write an answer, its parts one after the other."""
     n, m = z.size, lam.size
@@ -160,13 +157,12 @@ def _keep(best, z, nu, lam, mu):
     put(best[2 * n + m :], mu)
 
 
-@njit(
-    types.int64(
+@kernel(
+    int64(
         *PROGRAM,
-        *(types.float64, types.float64, types.float64, types.float64, types.float64, types.int64, types.int64),
+        *(float64, float64, float64, float64, float64, int64, int64),
         *(_OUT, _OUT, _OUT, _OUT, _OUT, INDEX),
-    ),
-    **COMPILED,
+    )
 )
 def solve(
     Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, crowd, most, operations, z, lam, mu, nu, error, counts

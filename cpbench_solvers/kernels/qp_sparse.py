@@ -4,18 +4,17 @@ Matrices are (row pointers, columns, numbers).
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, float64, helper, int32, int64, kernel, read_only, tuple_of, void
 from cpbench_solvers.kernels.qp_dense import at_bounds, largest, of_bounds, reached
 from cpbench_solvers.kernels.qp_ldl import CSR, DATA, OUT
 from cpbench_solvers.kernels.vectors import unsigned
 
-_DENSE = types.Array(types.float64, 2, "C", readonly=True)
-_OWN = types.Tuple((types.int32[::1], types.int32[::1], types.float64[::1]))
+_DENSE = read_only(float64, 2)
+_OWN = tuple_of(int32[::1], int32[::1], float64[::1])
 
 
-@njit(_OWN(_DENSE), **COMPILED)
+@kernel(_OWN(_DENSE))
 def rows_of(M):
     """Return the entries of a dense matrix that are not 0."""
     count = 0
@@ -34,7 +33,7 @@ def rows_of(M):
     return indptr, indices, data
 
 
-@njit(_OWN(CSR, CSR), **COMPILED)
+@kernel(_OWN(CSR, CSR))
 def stacked(A, C):
     """Return the rows of A and then of C."""
     m, k = A[0].size - 1, C[0].size - 1
@@ -52,7 +51,7 @@ def stacked(A, C):
     return indptr, indices, data
 
 
-@njit(types.boolean(OUT), **COMPILED)
+@helper(boolean(OUT))
 def _roots(size):
     """Replace sizes by powers of two near size^-½, 1 where the size is 0; return whether one is not 1."""
     other = False
@@ -62,7 +61,7 @@ def _roots(size):
     return other
 
 
-@njit(types.void(_OWN, _OWN, OUT, OUT, types.int64), **COMPILED)
+@kernel(void(_OWN, _OWN, OUT, OUT, int64))
 def equilibrate(H, G, column, row, passes):
     """Scale as `qp_dense.equilibrate` does. column, row : D, E, ones on entry."""
     n, r, H, G = column.size, row.size, unsigned(H), unsigned(G)
@@ -90,7 +89,7 @@ def equilibrate(H, G, column, row, passes):
                 G[2][q] *= sides[i] * tops[G[1][q]]
 
 
-@njit(types.boolean(CSR, DATA, DATA), **COMPILED)
+@helper(boolean(CSR, DATA, DATA))
 def _at_sides(A, b, z):
     """Return whether a row of A has its size from its side."""
     A = unsigned(A)
@@ -103,7 +102,7 @@ def _at_sides(A, b, z):
     return False
 
 
-@njit(types.float64(CSR, CSR, DATA, CSR, DATA, DATA, DATA, DATA), **COMPILED)
+@helper(float64(CSR, CSR, DATA, CSR, DATA, DATA, DATA, DATA))
 def _terms(Q, A, b, C, d, lb, ub, z):
     """Return the largest Σ_j |Q_ij z_j| where a side that is not 0 is reached, else 0."""
     most = 0.0
@@ -116,7 +115,7 @@ def _terms(Q, A, b, C, d, lb, ub, z):
     return most
 
 
-@njit(types.float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)), **COMPILED)
+@kernel(float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)))
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     """Return the error of an answer, as `qp_dense` has it; infinite for one that is no number."""
     n, signed, Q, A, C = p.size, (Q, A, C), unsigned(Q), unsigned(A), unsigned(C)

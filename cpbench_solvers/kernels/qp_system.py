@@ -5,9 +5,8 @@ with the rows C that have θ = 0 or nearly so. H, G : (row pointers, columns, nu
 """
 
 import numpy as np
-from numba import njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import boolean, float64, helper, int32, int64, kernel, tuple_of, void
 from cpbench_solvers.kernels.qp_dense import dot
 from cpbench_solvers.kernels.qp_ldl import (
     CSR,
@@ -23,10 +22,10 @@ from cpbench_solvers.kernels.qp_ldl import (
 )
 from cpbench_solvers.kernels.vectors import put, unsigned
 
-_COLUMNS = types.int32[::1]
-OWN = types.Tuple((_COLUMNS, _COLUMNS, OUT))
-SYSTEM = types.Tuple(
-    (*(INT, INT, _COLUMNS, _COLUMNS, OUT, OUT, INT, INT), *(ROWS, OUT, OUT, OUT2), *(INT, INT, OUT2, OUT, OUT))
+_COLUMNS = int32[::1]
+OWN = _COLUMNS, _COLUMNS, OUT
+SYSTEM = tuple_of(
+    *(INT, INT, _COLUMNS, _COLUMNS, OUT, OUT, INT, INT), *(ROWS, OUT, OUT, OUT2), *(INT, INT, OUT2, OUT, OUT)
 )
 """head : columns before the dense rest, or −1 for a dense system. order, indptr, indices, data, diagonal, parent,
 starts, rows, L, D, S : as in `qp_ldl`. rest, equal : rows with θ > 0, and with θ = 0 or nearly so. A : (n, ·),
@@ -38,7 +37,7 @@ ACCURATE = 1e-9
 """What is left of a right-hand side, relative to it, that needs no further refinement."""
 
 
-@njit(types.void(CSR, OUT, OUT), **COMPILED)
+@helper(void(CSR, OUT, OUT))
 def times(M, x, y):
     """Set y ← Mx."""
     M = unsigned(M)
@@ -53,7 +52,7 @@ def times(M, x, y):
         y[i] = total
 
 
-@njit(types.void(CSR, types.float64, OUT, OUT), **COMPILED)
+@helper(void(CSR, float64, OUT, OUT))
 def add_transposed(M, by, x, y):
     """Set y ← y + by Mᵀx."""
     M = unsigned(M)
@@ -69,7 +68,7 @@ def add_transposed(M, by, x, y):
                 y[M[1][q]] += M[2][q] * value
 
 
-@njit(OWN(CSR, types.int64), **COMPILED)
+@kernel(tuple_of(*OWN)(CSR, int64))
 def filled(M, n):
     """Return a matrix of n columns with the zeros of its rows that are at least half full: products need no indices
     there."""
@@ -89,7 +88,7 @@ def filled(M, n):
     return indptr, indices, data
 
 
-@njit(types.void(CSR, INT, OUT2), **COMPILED)
+@kernel(void(CSR, INT, OUT2))
 def columns_of(M, rows, A):
     """Write some rows of M as columns of A, which is 0."""
     start, column, value = unsigned(M)
@@ -98,7 +97,7 @@ def columns_of(M, rows, A):
             A[column[q], k] = value[q]
 
 
-@njit(types.float64(OUT), **COMPILED)
+@helper(float64(OUT))
 def largest(x):
     """Return the ∞-norm; NaN where a number is."""
     top = 0.0
@@ -107,7 +106,7 @@ def largest(x):
     return top
 
 
-@njit(types.boolean(CSR, CSR, SYSTEM, OUT, OUT, types.float64), **COMPILED)
+@kernel(boolean(CSR, CSR, SYSTEM, OUT, OUT, float64))
 def factor_system(H, G, system, w, theta, delta):
     """Factor; return False where it breaks down."""
     head, order, indptr, indices, data, diagonal, parent, starts, rows, L, D, S, rest, equal, A, by, work = system
@@ -162,7 +161,7 @@ def factor_system(H, G, system, w, theta, delta):
     )
 
 
-@njit(types.void(SYSTEM, OUT, OUT, OUT, OUT), **COMPILED)
+@kernel(void(SYSTEM, OUT, OUT, OUT, OUT))
 def apply(system, a, b, x, v):
     """Set x, v ← the solution for a, b of the system as it was factored."""
     head, order, starts, rows, L, D, S = system[0], system[1], system[7], system[8], system[9], system[10], system[11]
@@ -206,7 +205,7 @@ def apply(system, a, b, x, v):
             v[i - n] = y[k]
 
 
-@njit(types.float64(CSR, CSR, OUT, OUT, OUT, OUT, OUT, OUT, OUT, OUT), **COMPILED)
+@helper(float64(CSR, CSR, OUT, OUT, OUT, OUT, OUT, OUT, OUT, OUT))
 def _left(H, G, w, theta, a, b, x, v, c, d):
     """Set c, d ← what (x, v) leaves of the right-hand side (a, b), and return its ∞-norm."""
     times(H, x, c)
@@ -222,7 +221,7 @@ def _left(H, G, w, theta, a, b, x, v, c, d):
     return top
 
 
-@njit(types.float64(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT), **COMPILED)
+@kernel(float64(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT))
 def solve_system(H, G, system, w, theta, a, b, x, v):
     """Set x, v ← the solution for a, b, refined while that helps; return what is left, relative to these."""
     n, N = a.size, a.size + b.size

@@ -4,9 +4,20 @@ Moments are in units of a length of the contact: r and u are (N, T, M/ℓ) and (
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, KEPT, START, VECTOR
+from cpbench.foundation.kernels import (
+    COLUMN,
+    DATA,
+    DATA_2D,
+    START,
+    VECTOR,
+    boolean,
+    float64,
+    helper,
+    int64,
+    kernel,
+    void,
+)
 from cpbench_solvers.kernels.contact_law import defect, velocity
 from cpbench_solvers.kernels.rolling_local import natural_step, one_contact
 from cpbench_solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, shuffled
@@ -22,7 +33,7 @@ SHARE = 8
 """The error is evaluated after every sweep at first, and never later than after an eighth more of them."""
 
 
-@njit(error_model="numpy")
+@helper()
 def _add_own(diagonal, c, own, v, u):
     """Set u = v + W_cc r_c."""
     d = v.size
@@ -35,7 +46,7 @@ def _add_own(diagonal, c, own, v, u):
 _LAW = (START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA)
 
 
-@njit(float64(*_LAW, DATA), **KEPT)
+@kernel(float64(*_LAW, DATA))
 def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
     """Return max(natural, energy, opening) of `formulations.contact.contact_residuals`; NaN when anything is."""
     d = q.size // mu.size
@@ -67,13 +78,26 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
     return worst if not worst < opening else opening
 
 
-@njit(
+@kernel(
     void(
-        *_LAW, DATA_2D, DATA_2D, DATA_2D, DATA_2D, VECTOR, VECTOR, float64[:, ::1], int64[::1], float64, boolean,
-        float64, int64, int64[::1], VECTOR, boolean,
-    ),
-    **KEPT,
-)  # fmt: skip
+        *_LAW,
+        DATA_2D,
+        DATA_2D,
+        DATA_2D,
+        DATA_2D,
+        VECTOR,
+        VECTOR,
+        float64[:, ::1],
+        int64[::1],
+        float64,
+        boolean,
+        float64,
+        int64,
+        int64[::1],
+        VECTOR,
+        boolean,
+    )
+)
 def sweeps(
     start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, schur, to_tangent, to_normal, scalars,
     r, best, warm, order, omega, shuffle, tolerance, until, state, measured, watched,

@@ -1,9 +1,8 @@
 """A Delassus matrix with rolling friction to rows of blocks, moments in lengths; one-contact constants."""
 
 import numpy as np
-from numba import boolean, float64, njit, uint32, uint64, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
+from cpbench.foundation.kernels import DATA, INDEX, VECTOR, boolean, float64, helper, kernel, uint32, uint64, void
 from cpbench_solvers.kernels.block_layout import fill, natural_rho, own_block
 
 SINGULAR = 1e-12
@@ -12,7 +11,7 @@ SHIFT = 1e-7
 """Added to a singular S, over the same."""
 
 
-@njit(float64(float64[:, ::1], float64[:, ::1]), **COMPILED)
+@helper(float64(float64[:, ::1], float64[:, ::1]))
 def _least(S, work):
     """Return 1/‖S⁻¹‖, in Frobenius' norm: the least singular value, or up to √n times less; 0 where S is singular.
 
@@ -47,7 +46,7 @@ def _least(S, work):
     return 1.0 / np.sqrt(square)
 
 
-@njit(boolean(float64[:, ::1], float64, float64[:, ::1]), **COMPILED)
+@helper(boolean(float64[:, ::1], float64, float64[:, ::1]))
 def _monotone(D, shift, work):
     """Return whether D + Dᵀ has no eigenvalue below -shift: the pivots of its elimination with that on the diagonal."""
     d = D.shape[0]
@@ -65,13 +64,23 @@ def _monotone(D, shift, work):
     return True
 
 
-@njit(
+@kernel(
     void(
-        INDEX, INDEX, DATA, uint64[::1], uint32[::1], VECTOR, float64[:, :, ::1], float64[:, ::1], VECTOR,
-        float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1],
-    ),
-    **COMPILED,
-)  # fmt: skip
+        INDEX,
+        INDEX,
+        DATA,
+        uint64[::1],
+        uint32[::1],
+        VECTOR,
+        float64[:, :, ::1],
+        float64[:, ::1],
+        VECTOR,
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, ::1],
+    )
+)
 def from_rows(
     indptr, indices, data, start, column, blocks, diagonal, lengths, rho, schur, to_tangent, to_normal, scalars
 ):  # fmt: skip

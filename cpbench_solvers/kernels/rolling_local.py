@@ -12,7 +12,8 @@ takes a step of the natural map, P_K(r − ρ û).
 """
 
 import numpy as np
-from numba import njit
+
+from cpbench.foundation.kernels import helper
 
 NEWTON, BISECTIONS, REFINEMENTS = 60, 60, 2
 SMALL, ACCEPTED = 1e-14, 1e-8
@@ -20,7 +21,7 @@ SMALL, ACCEPTED = 1e-14, 1e-8
 GROWTH = 10.0
 
 
-@njit(error_model="numpy")
+@helper()
 def norms(x, k):
     t = m = 0.0
     for i in range(k):
@@ -29,7 +30,7 @@ def norms(x, k):
     return np.sqrt(t), np.sqrt(m)
 
 
-@njit(error_model="numpy")
+@helper()
 def _factorize(A, pivots):
     """Return LU with row exchanges in place; False for a zero pivot."""
     n = pivots.size
@@ -51,7 +52,7 @@ def _factorize(A, pivots):
     return True
 
 
-@njit(error_model="numpy")
+@helper()
 def _substitute(A, pivots, x):
     n = pivots.size
     for j in range(n):
@@ -66,7 +67,7 @@ def _substitute(A, pivots, x):
         x[i] /= A[i, i]
 
 
-@njit(error_model="numpy")
+@helper()
 def _at(S, h, shift, free, b, mu, mu_r, lam, kap, x, dx, A, pivots):
     """Return (regular, r_N, ‖r_T‖, ‖m‖) for given λ and κ, with x = (r_T, m) and the factors of S + Λ + shift I in
     place.
@@ -103,14 +104,14 @@ def _at(S, h, shift, free, b, mu, mu_r, lam, kap, x, dx, A, pivots):
     return True, rn, t, m
 
 
-@njit(error_model="numpy")
+@helper()
 def _misfit(length, bound):
     """Return relative difference of a length and its bound, 0 where both are."""
     size = length + abs(bound)
     return abs(length - bound) / size if size > 0.0 else 0.0
 
 
-@njit(error_model="numpy")
+@helper()
 def _far(S, b, bound_t, bound_m, n):
     """Return λ and κ from ‖b_T‖ = (s + λ)·bound with s the mean of the diagonal of S, 0 where that is negative."""
     t, m = norms(b, n // 2)
@@ -121,7 +122,7 @@ def _far(S, b, bound_t, bound_m, n):
     return max(t / bound_t - 2.0 * s_t / n, 0.0), max(m / bound_m - 2.0 * s_m / n, 0.0)
 
 
-@njit(error_model="numpy")
+@helper()
 def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
     """Return (found, r_N, λ, κ) from λ, κ = `warm` unless both groups stick."""
     n = x.size
@@ -186,7 +187,7 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
     return False, 0.0, 0.0, 0.0
 
 
-@njit(error_model="numpy")
+@helper()
 def _slide(S, h, shift, free, b, mu, mu_r, kap, x, dx, A, pivots):
     """Return (found, λ) for a given κ, by bisection; none where r_N < 0 for λ → ∞: where κ is too small."""
     regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, 0.0, kap, x, dx, A, pivots)
@@ -209,7 +210,7 @@ def _slide(S, h, shift, free, b, mu, mu_r, kap, x, dx, A, pivots):
     return bracketed, high
 
 
-@njit(error_model="numpy")
+@helper()
 def _nested(S, h, shift, free, b, mu, mu_r, x, dx, A, pivots):
     """Return (found, r_N, λ, κ) by bisection on κ, and for each on λ; for strong coupling, where Newton cycles."""
     found, lam = _slide(S, h, shift, free, b, mu, mu_r, 0.0, x, dx, A, pivots)
@@ -240,7 +241,7 @@ def _nested(S, h, shift, free, b, mu, mu_r, x, dx, A, pivots):
     return right, rn, lam, kap
 
 
-@njit(error_model="numpy")
+@helper()
 def one_contact(S, h, shift, monotone, free, b, mu, mu_r, warm, x, dx, A, pivots):
     """Return (found, by Newton, r_N); x = (r_T, m), `warm` = (λ, κ) in place. h = D_NX/D_NN, free = −v_N/D_NN."""
     found, rn, lam, kap = _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots)
@@ -259,7 +260,7 @@ def one_contact(S, h, shift, monotone, free, b, mu, mu_r, warm, x, dx, A, pivots
     return True, easy, rn
 
 
-@njit(error_model="numpy")
+@helper()
 def natural_step(r, u, mu, mu_r, rho, x):
     """Return P_K(r − ρ û): r_N is returned, (r_T, m) put into x; the formula of `cones.project_rolling_cone`."""
     n = x.size

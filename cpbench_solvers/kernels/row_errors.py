@@ -1,19 +1,18 @@
 """Connected parts of a matrix, and whether an answer to a mixed linear complementarity problem is exact to rounding."""
 
 import numpy as np
-from numba import boolean, int32, int64, njit, types, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench.foundation.kernels import DATA, DATA_2D, boolean, helper, int32, int64, kernel, read_only, tuple_of, void
 
-FAST = {"reassoc", "contract"}
+FAST = frozenset({"reassoc", "contract"})
 """Reassociation and contraction only, so that NaN, infinity and divisions keep their meaning."""
-INDICES = [(types.Array(index, 1, "C", readonly=True),) * 2 for index in (int32, int64)]
+INDICES = [(read_only(index),) * 2 for index in (int32, int64)]
 """Types of the row starts and columns of a CSR matrix."""
 ROUNDING = 8.0 * np.finfo(np.float64).eps
 """Of a sum of terms that cancel, over the sum of their sizes."""
 
 
-@njit(int64(int64[::1], int64), **COMPILED)
+@helper(int64(int64[::1], int64))
 def root(part, i):
     """Return the last of the chain of part[i], made shorter on the way."""
     while part[i] != i:
@@ -22,7 +21,7 @@ def root(part, i):
     return i
 
 
-@njit(int64(int64[::1], int64, int64), **COMPILED)
+@helper(int64(int64[::1], int64, int64))
 def joined(part, i, j):
     """Join the parts of i and j; return 1 where they were two."""
     a, b = root(part, i), root(part, j)
@@ -30,7 +29,7 @@ def joined(part, i, j):
     return a != b
 
 
-@njit([void(types.Tuple((*index, DATA)), int64[::1]) for index in INDICES], **COMPILED)
+@helper(*(void(tuple_of(*index, DATA), int64[::1]) for index in INDICES))
 def label_parts(matrix, part):
     """Write the least number of the connected part of every row of a matrix in CSR, (start, columns, values)."""
     (start, columns, values), n, left = matrix, part.size, part.size
@@ -46,7 +45,7 @@ def label_parts(matrix, part):
         part[i] = root(part, i)
 
 
-@njit(boolean(DATA_2D, DATA, DATA, int64), fastmath=FAST, **COMPILED)
+@kernel(boolean(DATA_2D, DATA, DATA, int64), fast=FAST)
 def is_exact(K, k, x, free):
     """Return whether x is exact to rounding: every row that does not hold its unknown at 0 is 0. No connected part has
     an error of more than a few times that then. free : the first rows are equalities."""

@@ -6,18 +6,16 @@ reassociation and contraction are allowed to the compiler, so NaN and infinity k
 Reference in plain NumPy: `tests/solvers/references/psor.py`.
 """
 
-from numba import boolean, float64, int64, njit, types
-
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, KEPT, VECTOR
+from cpbench.foundation.kernels import DATA, DATA_2D, INDEX, VECTOR, boolean, float64, helper, int64, kernel, tuple_of
 from cpbench_solvers.kernels.lcp_error import FAST, judged
 from cpbench_solvers.kernels.vectors import put
 
-COLUMNS = types.UniTuple(DATA_2D, 1), types.Tuple((INDEX, INDEX, DATA))
+COLUMNS = tuple_of(*[DATA_2D] * 1), tuple_of(INDEX, INDEX, DATA)
 """M by columns: dense, (columns,), row j of which is column j; sparse, (start, rows, values), column j having
 values[start[j]:start[j+1]] in those rows."""
 
 
-@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+@helper(fast=FAST)
 def add_column(matrix, j, factor, w):
     """Add `factor` times column j to w; which of the two loops it is, is known when it is compiled."""
     if len(matrix) == 1:
@@ -28,11 +26,7 @@ def add_column(matrix, j, factor, w):
             w[matrix[1][e]] += matrix[2][e] * factor
 
 
-@njit(
-    [int64(M, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR) for M in COLUMNS],
-    fastmath=FAST,
-    **KEPT,
-)
+@kernel(*(int64(M, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR) for M in COLUMNS), fast=FAST)
 def sweeps(matrix, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
@@ -57,7 +51,7 @@ def sweeps(matrix, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, error
     return errors.size
 
 
-@njit([float64(M, DATA, DATA, float64, VECTOR) for M in COLUMNS], fastmath=FAST, **KEPT)
+@kernel(*(float64(M, DATA, DATA, float64, VECTOR) for M in COLUMNS), fast=FAST)
 def afresh(matrix, q, z, z_unit, w):
     """Write w = Mz + q without the rounding of sweeps, from the columns that z needs; return the judged error."""
     put(w, q)

@@ -1,8 +1,8 @@
 """How sweeps count themselves, draw their order, and know when to measure what they have come to."""
 
 import numpy as np
-from numba import njit
 
+from cpbench.foundation.kernels import helper
 from cpbench_solvers.kernels.vectors import put
 
 CONTINUE, CONVERGED, NOT_FINITE = 0, 1, 2
@@ -17,7 +17,7 @@ FIRST = 4
 """The sweep of that, where nothing ends before."""
 
 
-@njit(error_model="numpy")
+@helper()
 def due(state, until, change, tolerance, measured):
     """Return whether the error is to be looked at: it is time, or the change in this sweep says that it may be small
     enough, or is not a number."""
@@ -27,7 +27,7 @@ def due(state, until, change, tolerance, measured):
     return it >= state[NEXT_CHECK] or it == until or foretold
 
 
-@njit(error_model="numpy")
+@helper()
 def checked(state, error, change, tolerance, measured, r, best):
     """Keep the error, the best r, and set the next check: where the last two foretell the tolerance, a quarter ahead
     at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
@@ -53,7 +53,7 @@ def checked(state, error, change, tolerance, measured, r, best):
     return CONTINUE
 
 
-@njit(error_model="numpy")
+@helper()
 def shuffled(order, state):
     """Shuffle in place after Fisher and Yates, with the 64-bit linear congruential generator of Knuth (MMIX)."""
     x = np.uint64(state[RANDOM])

@@ -5,12 +5,11 @@ nonbasic variable.
 """
 
 import numpy as np
-from numba import float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench.foundation.kernels import DATA, DATA_2D, MATRIX, VECTOR, float64, helper, int64, kernel, read_only
 from cpbench_solvers.kernels.vectors import finite
 
-ANY_ORDER = types.Array(float64, 2, "A", readonly=True)
+ANY_ORDER = read_only(float64, 2, by_rows=False)
 """A matrix that is read only, by rows or by columns."""
 COMPLEMENTARY, RAY, LIMIT, NOT_FINITE = 0, 1, 2, 3
 """z_0 has left; no row blocks; too many pivots; not a number."""
@@ -18,7 +17,7 @@ CODES = 8
 """Runs return pivots * CODES + outcome: a pair would cost more than a pivot does for n = 5."""
 
 
-@njit(int64(ANY_ORDER, float64[::1], int64[::1]), **COMPILED)
+@kernel(int64(ANY_ORDER, DATA, int64[::1]))
 def first_row(M, q, ties):
     """Return the row of the least q; of ties the r whose z_r, raised to w_r = 0, lifts w most (Σ_j M_jr/M_rr).
 
@@ -45,7 +44,7 @@ def first_row(M, q, ties):
     return r
 
 
-@njit("int64(float64[::1], float64[::1], int64[::1], int64[::1], float64, float64)", **COMPILED)
+@helper(int64(VECTOR, VECTOR, int64[::1], int64[::1], float64, float64))
 def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     """Return how many rows block the entering variable, the rows in `ties`; -1 - row where z_0 is among them."""
     n = rhs.size
@@ -67,7 +66,7 @@ def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     return count
 
 
-@njit("int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64)", **COMPILED)
+@helper(int64(VECTOR, VECTOR, int64[::1], int64, VECTOR, int64, float64))
 def kept(column, col, ties, count, value, unit, tie_tolerance):
     """Return how many of the tied rows have the least ratio column/col, moved to the front of `ties`.
 
@@ -90,7 +89,7 @@ def kept(column, col, ties, count, value, unit, tie_tolerance):
     return kept
 
 
-@njit("int64(float64[::1], int64[::1], int64)", **COMPILED)
+@helper(int64(VECTOR, int64[::1], int64))
 def largest(col, ties, count):
     """Return the row of the largest pivot, the safest: ties that survive every column can only come from rounding."""
     r = ties[0]
@@ -100,7 +99,7 @@ def largest(col, ties, count):
     return r
 
 
-@njit(error_model="numpy", forceinline=True)
+@helper()
 def data_sizes(M, q, column):
     """Return whether no q is negative, so that z = 0 is right; else max|M|, 1 for a matrix of zeros, and max|q| too.
     column : (n,) workspace."""
@@ -122,10 +121,18 @@ def data_sizes(M, q, column):
     return False, m if m != 0.0 else 1.0, p
 
 
-@njit(
-    "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], int64[:,::1], int64, float64,"
-    " float64)",
-    **COMPILED,
+@helper(
+    int64(
+        DATA_2D,
+        DATA,
+        VECTOR,
+        MATRIX,
+        MATRIX,
+        int64[:, ::1],
+        int64,
+        float64,
+        float64,
+    )
 )
 def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
     """Solve an LCP, scaled by max|M| and max|q|, to z of the basis that it ends in; return pivots * CODES + outcome.

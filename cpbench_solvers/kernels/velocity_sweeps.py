@@ -5,13 +5,12 @@ unknowns of the bodies that c touches. Contact c has the unknowns unknown[start[
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, QUICK, START, VECTOR
+from cpbench.foundation.kernels import COLUMN, DATA, DATA_2D, FAST, START, VECTOR, float64, int64, kernel, void
 from cpbench_solvers.kernels.one_contact import PROJECT, natural_step, one_contact_2d, one_contact_3d
 
 
-@njit(void(START, DATA, float64[:, :, ::1]), **QUICK)
+@kernel(void(START, DATA, float64[:, :, ::1]), fast=FAST)
 def diagonal_blocks(start, A, D):
     """Set D, shape (nc, d, d), to A_cᵀA_c."""
     d = D.shape[1]
@@ -23,7 +22,7 @@ def diagonal_blocks(start, A, D):
                     D[i, a, b] += A[d * k + a] * A[d * k + b]
 
 
-@njit(void(START, COLUMN, DATA, DATA, int64, VECTOR), **QUICK)
+@kernel(void(START, COLUMN, DATA, DATA, int64, VECTOR), fast=FAST)
 def push(start, unknown, A, r, d, y):
     """Add y += Ar."""
     for i in range(start.size - 1):
@@ -34,7 +33,7 @@ def push(start, unknown, A, r, d, y):
             y[unknown[k]] += moved
 
 
-@njit(void(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, int64), **QUICK)
+@kernel(void(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, int64), fast=FAST)
 def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
     """Make `count` sweeps in place on r, y = L⁻¹(f + Hr) and λ; see `gauss_seidel` for diagonal, local and lam."""
     three, one, two = np.uint64(3), np.uint64(1), np.uint64(2)
@@ -66,7 +65,7 @@ def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
                     y[np.uint64(unknown[k])] += A[k3] * x0 + A[k3 + one] * x1 + A[k3 + two] * x2
 
 
-@njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64), **QUICK)
+@kernel(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64), fast=FAST)
 def sweeps_2d(start, unknown, A, diagonal, w, mu, rho, r, y, count):
     """Sweep as `sweeps_3d` does; the local problem needs nothing but `diagonal`."""
     two, one = np.uint64(2), np.uint64(1)

@@ -10,8 +10,7 @@ import numpy as np
 
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import is_sparse, nnz
-from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register
+from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register, solvers
 from cpbench_solvers.automatic import Plan, SolverPhase, automatic_spec
 from cpbench_solvers.avi.apart import ByParts
 from cpbench_solvers.lcp.claims import error_of
@@ -56,15 +55,6 @@ class AutoLCP(ByParts):
         "newton-pfb",
         "enumeration-lcp",
     )
-    kernels: ClassVar[tuple[str, ...]] = (
-        "pivoting",
-        "lemke_judged",
-        "lemke_pairs",
-        "lcp_error",
-        "mprgp",
-        "splitting",
-        "complementary_bases",
-    )
 
     def error(self, problem: LCP, point: LCPPoint, tolerance: float) -> float:
         return error_of(problem, point.z, tolerance)
@@ -104,5 +94,5 @@ class AutoLCP(ByParts):
 @cache
 def _on_small() -> tuple[Solver, Any]:
     """Return the first solver of small problems, ready, and its options."""
-    solver = warming.ready(ON_SMALL[0].solver, quickly=True)
+    solver = solvers.get(ON_SMALL[0].solver)
     return solver, solver.spec.options()

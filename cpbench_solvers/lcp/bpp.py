@@ -90,11 +90,6 @@ class BlockPrincipalPivoting(Solver):
     def setup(self, problem: LCP, budget: Budget, options: BPPOptions) -> DenseLCP:
         return dense_lcp(problem)
 
-    def warmup(self) -> None:
-        for M in (np.eye(3), np.triu(np.ones((3, 3)))):
-            self.run(LCP(M=M, q=np.array([-1.0, -2.0, 0.0])))
-        Lemke().warmup()
-
     def solve(
         self, prepared: DenseLCP, budget: Budget, options: BPPOptions, start: Any = None, record: Record | None = None
     ) -> SolverOutput:

@@ -14,11 +14,11 @@ from scipy.linalg import lapack
 
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.factorization import sparse_lu
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers import linear_program
 from cpbench_solvers.avi.claims import verdict_error
+from cpbench_solvers.kernels import lcp_error
 
 CLOSE = 100.0
 """A method that ended regularly within this factor of the tolerance claims `inaccurate`, beyond it `failed`."""
@@ -136,9 +136,9 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
 def error_of(problem: LCP, z: Vector, tolerance: float = -1.0) -> float:
     """Return the error of norms or, of answers within the tolerance, the verdict's if that is larger; infinite where z
     is not finite."""
-    M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench_solvers.kernels.lcp_error")
+    M, q, unit, kernel = problem.M, problem.q, problem.z_unit, lcp_error
     if isinstance(M, np.ndarray):
-        error = compiled(kernel.error_dense)(M, q, z, unit)
+        error = kernel.error_dense(M, q, z, unit)
     else:
         M = sparse(M)
         error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit)

@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.linear import LCP
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
+from cpbench_solvers.kernels import complementary_bases
 from cpbench_solvers.lcp.claims import ScaledLCP, conclude, error_of, farkas, principal, refined, scale, solve_linear
 
 LARGEST = 20
@@ -96,10 +96,6 @@ class LCPEnumeration(Solver):
     def setup(self, problem: LCP, budget: Budget, options: EnumerationOptions) -> ScaledLCP:
         return scale(problem)
 
-    def warmup(self) -> None:
-        linear_program.load()
-        self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
-
     def solve(
         self,
         prepared: ScaledLCP,
@@ -132,7 +128,7 @@ class LCPEnumeration(Solver):
 
 def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOptions | None = None) -> Enumeration:
     """Try every basis in turn, until budget.iterations of them or its seconds; solutions within its tolerance."""
-    kernel = load("cpbench_solvers.kernels.complementary_bases")
+    kernel = complementary_bases
     options = options or EnumerationOptions()
     problem, M, q = prepared.problem, dense(prepared.M), prepared.q
     n = q.size
@@ -176,7 +172,8 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
 def _on_a_face(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Vector | None:
     """Return the z ≥ 0 of least sum with z = 0 outside F, w = 0 in F, w ≥ 0 outside; None where there is none."""
     N = np.setdiff1d(np.arange(q.size), F)
-    program = linear_program.load()(np.ones(F.size), -M[np.ix_(N, F)], q[N], M[np.ix_(F, F)], -q[F], method="highs")
+    sides = {"A_ub": -M[np.ix_(N, F)], "b_ub": q[N], "A_eq": M[np.ix_(F, F)], "b_eq": -q[F]}
+    program = linear_program.linprog(np.ones(F.size), method="highs", **sides)
     if program.x is None:
         return None
     z = np.zeros(q.size)

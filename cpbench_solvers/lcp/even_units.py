@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cpbench.formulations.linear import LCP, LCPPoint
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import SolverOutput
+from cpbench_solvers.kernels import lemke_judged
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp
 
 APART = 2.0**20
@@ -48,6 +48,6 @@ def in_even_units(lcp: DenseLCP, by_columns: bool) -> EvenLCP:
     """
     rows, unknowns = np.empty((2, lcp.problem.q.size))
     M = np.empty(lcp.M.shape)
-    load("cpbench_solvers.kernels.lemke_judged").even(lcp.M, PASSES, rows, unknowns, M)
+    lemke_judged.even(lcp.M, PASSES, rows, unknowns, M)
     problem = LCP(M=M, q=lcp.problem.q * rows, name=lcp.problem.name)
     return EvenLCP(dense_lcp(problem, by_columns=by_columns), rows, unknowns)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.linear import LCP
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense, max_abs
+from cpbench_solvers.kernels import splitting
 
 FIRST, GAIN = 2, 0.7
 """Sweeps after which they begin anew with ω < 1 unless the second has left no more than this share of the error."""
@@ -72,7 +72,7 @@ def swept(prepared: DenseLCP, limit: int, omega: float, tolerance: float = 0.0, 
     z, w = np.zeros(q.size), q.copy()
     if limit <= 0 or not (diagonal > 0.0).all():
         return z, 0
-    kernel = load("cpbench_solvers.kernels.splitting")
+    kernel = splitting
     best, least, inside, relaxation, sweeps = z.copy(), math.inf, q < 0.0, 1.0, 0
     while sweeps < limit:
         errors = np.empty(min(CHUNK if sweeps else FIRST, limit - sweeps))

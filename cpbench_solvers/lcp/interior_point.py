@@ -25,7 +25,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import CLOSE, conclude, recorded
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
-from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled, warm_up
+from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled
 from cpbench_solvers.mlcp.newton import linear_box
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
@@ -243,9 +243,6 @@ class InteriorPointLCP(_InteriorPoint):
         name="interior-point-lcp", node="lcp", summary="Mehrotra's predictor-corrector interior point"
     )
 
-    def warmup(self) -> None:
-        self.run(LCP(M=np.eye(2), q=np.array([-1.0, 1.0])))
-
 
 @register
 class InteriorPointMLCP(_InteriorPoint):
@@ -256,6 +253,3 @@ class InteriorPointMLCP(_InteriorPoint):
         node="mlcp",
         summary="Mehrotra's predictor-corrector interior point, with free unknowns",
     )
-
-    def warmup(self) -> None:
-        warm_up(self)

@@ -8,14 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.linear import LCP, LCPPoint
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
-from cpbench_solvers import linear_program
-from cpbench_solvers.avi.claims import load_measure, verdict_error
+from cpbench_solvers.avi.claims import verdict_error
+from cpbench_solvers.kernels import lemke_judged
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench_solvers.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench_solvers.lcp.lemke_run import PAIRS_KERNEL, SMALL, LemkeOptions, LemkeRun, judged
+from cpbench_solvers.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, judged
 
 OMEGA = 0.6
 """Relaxation of the sweeps where M is not symmetric and 1 does not do."""
@@ -58,16 +57,6 @@ class Lemke(Solver):
         lcp = dense_lcp(problem, by_columns=by_columns)
         return in_even_units(lcp, by_columns) if APART < _spread()(lcp.M) < np.inf else lcp
 
-    def warmup(self) -> None:
-        linear_program.load()
-        load_measure()
-        load("cpbench_solvers.kernels.splitting")  # for the first basis of a large sparse problem
-        self.warmup_quickly()
-
-    def warmup_quickly(self) -> None:
-        load(PAIRS_KERNEL)  # for games
-        self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
-
     def solve(
         self,
         prepared: DenseLCP | EvenLCP,
@@ -107,4 +96,4 @@ class Lemke(Solver):
 
 @cache
 def _spread() -> Any:
-    return compiled(load("cpbench_solvers.kernels.lemke_judged").spread)
+    return lemke_judged.spread

@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench_solvers.kernels import lemke_judged, lemke_pairs, pivoting
 from cpbench_solvers.lcp.claims import after_ray, conclude, ended_in_basis, farkas
 from cpbench_solvers.lcp.first_basis import DenseLCP
 from cpbench_solvers.lcp.lemke_columns import PivotingState
 from cpbench_solvers.lcp.principal_transform import PrincipalTransform, transformed
-
-PAIRS_KERNEL = "cpbench_solvers.kernels.lemke_pairs"
 
 LARGER_PIVOTS = (1e-9, 1e-7)
 """Least pivots of the next runs, the data scaled to size one. Columns carry rounding errors that grow with the pivots
@@ -36,7 +34,7 @@ def pairs(M: np.ndarray[Any, Any]) -> Iterator[tuple[int, int]]:
     section 4.4). Lemke and Howson (1964) begin with z_r and the first unknown i of the other player that it serves
     least, which this does in general; the pivots then go on from the principal transform there.
     """
-    least_served = load(PAIRS_KERNEL).least_served
+    least_served = lemke_pairs.least_served
     for r in order(len(M)):
         if (i := least_served(M, r)) >= 0:
             yield int(r), int(i)
@@ -81,7 +79,7 @@ def in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vecto
 
 @cache
 def judged() -> tuple[Any, int]:
-    return compiled(load("cpbench_solvers.kernels.lemke_judged").lemke_judged), load(PIVOTING).CODES
+    return lemke_judged.lemke_judged, pivoting.CODES
 
 
 def pivot_limit(n: int) -> int:
@@ -94,7 +92,7 @@ class LemkeRun:
 
     def __init__(self, lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> None:
         self._lcp, self._budget, self._options = lcp, budget, options
-        self._kernel = load(PIVOTING)
+        self._kernel = pivoting
         self._asked = budget.iterations or options.max_pivots
         self._limit = self._asked or pivot_limit(lcp.problem.q.size)
         self._may_be_infeasible, self._ray_at_once = True, False
@@ -175,7 +173,7 @@ class LemkeRun:
         lcp, options = self._lcp, self._options
         self._z, chosen = np.empty(lcp.problem.q.size), order(lcp.problem.q.size)
         rest = chosen, tried, lcp.problem.q.size, options.pivot_tolerance, options.tie_tolerance
-        tried, pivots = compiled(load(PAIRS_KERNEL).from_pairs)(lcp.M, lcp.problem.q, self._z, *rest)
+        tried, pivots = lemke_pairs.from_pairs(lcp.M, lcp.problem.q, self._z, *rest)
         self._spend(pivots)
         return tried
 

@@ -16,11 +16,10 @@ import scipy.sparse as sp
 
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
-from cpbench_solvers import linear_program
+from cpbench_solvers.kernels import mprgp
 from cpbench_solvers.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
 from cpbench_solvers.traits import ITERATIVE
 
@@ -115,7 +114,7 @@ def minimize(
     record: Record | None,
 ) -> MinimizationResult:
     """Take steps until the error, measured in every chunk and where the gradient is small, is within the tolerance."""
-    kernel = load("cpbench_solvers.kernels.mprgp")
+    kernel = mprgp
     x, state, work, g, p = _begun(kernel, box, options.length, first)
     matrix, law, weight = box.matrix, (box.q, box.lower, box.upper), 1.0 / box.unit
     limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
@@ -192,10 +191,6 @@ class MPRGP(Solver):
     def setup(self, problem: LCP, budget: Budget, options: MPRGPOptions) -> ScaledBox:
         n = problem.q.size
         return scaled_box(problem, problem.M, problem.q, np.zeros(n), np.full(n, np.inf), max_abs(problem.q))
-
-    def warmup(self) -> None:
-        linear_program.load()
-        self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -1.0])))
 
     def solve(
         self,

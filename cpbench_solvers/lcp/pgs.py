@@ -11,10 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.linear import LCP, LCPPoint
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
+from cpbench_solvers.kernels import splitting
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
 from cpbench_solvers.traits import ITERATIVE
 
@@ -78,11 +78,6 @@ class _Splitting(Solver):
     def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
         return MatrixColumns(problem, np.array(problem.M.diagonal()), by_columns(problem.M))
 
-    def warmup(self) -> None:
-        M, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -1.0])
-        self.run(LCP(M=M, q=q))
-        self.run(LCP(M=sp.csr_array(M), q=q))
-
     def solve(
         self,
         prepared: MatrixColumns,
@@ -91,7 +86,7 @@ class _Splitting(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        kernel, problem, q = load("cpbench_solvers.kernels.splitting"), prepared.problem, prepared.problem.q
+        kernel, problem, q = splitting, prepared.problem, prepared.problem.q
         relaxed = options if isinstance(options, PSOROptions) else PSOROptions(omega=1.0)
         law, how = (prepared.matrix, prepared.diagonal, q), (problem.z_unit, relaxed.omega, relaxed.symmetric)
         z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.linear import LCP, LCPPoint
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import next_stop
+from cpbench_solvers.kernels import principal_pivoting
 from cpbench_solvers.lcp.claims import (
     ScaledLCP,
     conclude,
@@ -114,9 +114,6 @@ class Murty(Solver):
     def setup(self, problem: LCP, budget: Budget, options: MurtyOptions) -> ScaledLCP:
         return scale(problem)
 
-    def warmup(self) -> None:
-        self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -2.0])))
-
     def solve(
         self,
         prepared: ScaledLCP,
@@ -125,7 +122,7 @@ class Murty(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        kernel, M, q = load("cpbench_solvers.kernels.principal_pivoting"), dense(prepared.M), prepared.q
+        kernel, M, q = principal_pivoting, dense(prepared.M), prepared.q
         problem, n = prepared.problem, q.size
         tableau = None
         if start is not None:

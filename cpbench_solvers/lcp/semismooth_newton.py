@@ -18,10 +18,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum, penalized
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, identity
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench_solvers.avi.claims import load_measure
 from cpbench_solvers.lcp.claims import (
     ScaledLCP,
     conclude,
@@ -79,10 +77,6 @@ class _NewtonLCP(Solver):
 
     def obstacle(self, problem: LCP) -> str | None:
         return None if sp.issparse(problem.M) else dense_obstacle(problem)
-
-    def warmup(self) -> None:
-        load("cpbench_solvers.kernels.lcp_error")
-        load_measure()
 
     def setup(self, problem: LCP, budget: Budget, options: NewtonLCPOptions) -> ScaledLCP:
         return scale(problem, keep_sparse=problem.q.size > DENSE_LIMIT)

@@ -38,7 +38,6 @@ class AutoMLCP(ByParts):
         "interior-point-mlcp",
         "enumeration-mlcp",
     )
-    kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "mlcp_scaling", "complementary_bases")
 
     def error(self, problem: MLCP, point: MLCPPoint, tolerance: float) -> float:
         scaled = scale(problem, keep_sparse=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,11 @@ import scipy.sparse as sp
 
 from cpbench.formulations.linear import LCP, MLCP, MLCPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import compiled, load
-from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, max_abs
-from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
+from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
+from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers import linear_program
-from cpbench_solvers.avi.claims import load_measure, verdict_error
+from cpbench_solvers.avi.claims import verdict_error
+from cpbench_solvers.kernels import mlcp_judged, mlcp_scaling, row_errors
 from cpbench_solvers.lcp.claims import WORTH, concluded, principal, size_obstacle, solve_linear
 
 PASSES = 3
@@ -64,7 +64,7 @@ class ScaledMLCP:
     def verdict(self, x: Vector) -> float:
         """Return the verdict's error (`avi.claims`)."""
         if not matrices.is_sparse(self.K):
-            exact = compiled(load("cpbench_solvers.kernels.row_errors").is_exact)
+            exact = row_errors.is_exact
             if exact(self.K, self.k, x, self.free):
                 return 0.0
         return verdict_error(self.problem, self.unit * x)
@@ -72,7 +72,7 @@ class ScaledMLCP:
     def _of_norms(self, x: Vector) -> float:
         if matrices.is_sparse(self.K):
             return self.problem.residuals(self.point(x)).error
-        kernel, P = load("cpbench_solvers.kernels.mlcp_judged"), self.problem
+        kernel, P = mlcp_judged, self.problem
         # compiled, since small problems spend more time on measuring than on solving
         data = self.K, self.k, self.free, self.row_unit, self.unit, P.v_unit, P.equality_scale
         error: float = kernel.error_with(*data, x, *np.empty((2, x.size)))
@@ -93,7 +93,7 @@ def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
     stored = P.A, P.B, P.C, P.D
     if not (keep_sparse and any(map(matrices.is_sparse, stored))):
         K, (k, unit, row_unit) = np.empty((N, N)), np.empty((3, N))
-        kernel = compiled(load("cpbench_solvers.kernels.mlcp_scaling").scaled)
+        kernel = mlcp_scaling.scaled
         kernel(*map(dense, stored), P.a, P.b, PASSES, K, k, unit, row_unit)
         return ScaledMLCP(problem, K, k, n, unit, row_unit)
     K, k = matrices.block([[P.A, P.C], [P.D, P.B]]), np.concatenate([P.a, P.b])
@@ -202,13 +202,6 @@ def conclude(
     if error is None or error <= budget.tolerance:
         error = prepared.error(x, budget.tolerance)
     return concluded(prepared.point(x), error, budget, counters, otherwise, message)
-
-
-def warm_up(solver: Solver, make: Callable[[Dense], Matrix] = np.asarray) -> None:
-    """Solve the problem with one equality and one pair, its matrices as `make` makes them."""
-    load_measure()
-    one = make(np.eye(1))
-    solver.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
 
 
 def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:

@@ -9,10 +9,9 @@ import numpy as np
 from cpbench.formulations.linear import LCP, MLCP
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench_solvers import linear_program
 from cpbench_solvers.lcp import claims as lcp_claims
 from cpbench_solvers.lcp.enumeration import LARGEST, Enumeration, EnumerationOptions, enumerate_bases, enumeration_spec
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, farkas, refined, scale, warm_up
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, farkas, refined, scale
 from cpbench_solvers.mlcp.pivoting import Reduction
 
 
@@ -34,10 +33,6 @@ class MLCPEnumeration(Solver):
 
     def setup(self, problem: MLCP, budget: Budget, options: EnumerationOptions) -> ScaledMLCP:
         return scale(problem)
-
-    def warmup(self) -> None:
-        linear_program.load()
-        warm_up(self)
 
     def solve(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from cpbench.formulations.linear import MLCP
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, settled, warm_up
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, settled
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, LinearBox, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench_solvers.traits import ITERATIVE
@@ -34,9 +34,6 @@ class _NewtonMLCP(Solver):
 
     def setup(self, problem: MLCP, budget: Budget, options: SemismoothOptions) -> ScaledMLCP:
         return scale(problem, keep_sparse=problem.a.size + problem.b.size > DENSE_LIMIT)
-
-    def warmup(self) -> None:
-        warm_up(self)
 
     def solve(
         self,

@@ -9,9 +9,7 @@ import numpy as np
 
 from cpbench.formulations.linear import LCP, MLCP, MLCPPoint
 from cpbench.foundation.factorization import Factorization
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Vector, dense
-from cpbench.solvers import warming
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -24,9 +22,10 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
+from cpbench_solvers.kernels import mlcp_pivoting
 from cpbench_solvers.lcp.claims import after_ray, principal
 from cpbench_solvers.lcp.lemke_run import LemkeOptions
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale, warm_up
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
 
 SMALL = 64
 """Up to this many unknowns one compiled call does it all; beyond, A is factored by LAPACK or SuperLU."""
@@ -34,7 +33,6 @@ BY_VECTORS = 250
 """Up to this many pairs Lemke's method is one compiled call; beyond, it is `lemke` with its matrix products."""
 REGULAR = 1e-9
 """Reciprocal condition number of A from which it is eliminated by its factors."""
-KERNEL = "cpbench_solvers.kernels.mlcp_pivoting"
 
 
 @dataclass(frozen=True)
@@ -88,15 +86,8 @@ class LemkeMLCP(Solver):
         m, N = problem.b.size, problem.a.size + problem.b.size
         scaled = scale(problem, keep_sparse=N > SMALL)
         limit, data = options.max_pivots or 50 * m + 1000, None if N > SMALL else packed(scaled, options)
-        kernel = load(KERNEL)
-        return PivotingData(scaled, limit, data, kernel, compiled(kernel.lemke_mixed))
-
-    def warmup(self) -> None:
-        warming.warm_up(solvers.get("lemke"))  # which many pairs go to
-        self.warmup_quickly()
-
-    def warmup_quickly(self) -> None:
-        warm_up(self)
+        kernel = mlcp_pivoting
+        return PivotingData(scaled, limit, data, kernel, kernel.lemke_mixed)
 
     def solve(
         self,
@@ -123,7 +114,7 @@ class LemkeMLCP(Solver):
 
 def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
     """Return what the compiled call reads, and the room in which it works."""
-    kernel, N = load(KERNEL), scaled.k.size
+    kernel, N = mlcp_pivoting, scaled.k.size
     numbers = [scaled.free, scaled.problem.v_unit, scaled.problem.equality_scale]
     numbers += [options.rank_tolerance, options.pivot_tolerance, options.tie_tolerance]
     room = np.empty(kernel.workspace(N, N - scaled.free))
@@ -151,7 +142,7 @@ def _large(prepared: PivotingData, budget: Budget, options: LemkeMLCPOptions, st
 
 def _ended(scaled: ScaledMLCP, x: Vector, outcome: int, budget: Budget, counters: dict[str, int]) -> SolverOutput:
     """Return the last word on an x that is not within the tolerance."""
-    kernel = load(KERNEL)
+    kernel = mlcp_pivoting
     if outcome in (kernel.RAY, kernel.INCONSISTENT):
         what = "ray" if outcome == kernel.RAY else "an equality without unknowns that is not zero,"
         proves = "y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0"
@@ -178,7 +169,7 @@ class Reduction:
     """
 
     def __init__(self, prepared: ScaledMLCP, rank_tolerance: float = LemkeMLCPOptions.rank_tolerance) -> None:
-        self._kernel, self._free = load(KERNEL), prepared.free
+        self._kernel, self._free = mlcp_pivoting, prepared.free
         self._T = np.column_stack([dense(prepared.K), prepared.k])
         N = prepared.k.size
         m = N - prepared.free

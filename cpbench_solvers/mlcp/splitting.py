@@ -16,12 +16,12 @@ from scipy.sparse import csgraph
 from cpbench.formulations.linear import MLCP
 from cpbench.foundation import matrices
 from cpbench.foundation.factorization import has_full_structural_rank
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
+from cpbench_solvers.kernels import mlcp_splitting
 from cpbench_solvers.lcp.pgs import PGSOptions, by_columns, diagonal_obstacle
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, warm_up
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
 from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
@@ -77,10 +77,6 @@ class PGSMLCP(Solver):
         scaled = _ordered(scale(problem, keep_sparse=True))
         return BasisColumns(scaled, by_columns(scaled.K), np.array(scaled.K.diagonal()))
 
-    def warmup(self) -> None:
-        warm_up(self)
-        warm_up(self, sp.csr_array)
-
     def solve(
         self,
         prepared: BasisColumns,
@@ -89,7 +85,7 @@ class PGSMLCP(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        sweep = load("cpbench_solvers.kernels.mlcp_splitting").sweeps
+        sweep = mlcp_splitting.sweeps
         scaled, n = prepared.scaled, prepared.scaled.free
         units = scaled.row_unit, scaled.unit, scaled.problem.v_unit, scaled.problem.equality_scale
         law = prepared.matrix, prepared.diagonal, scaled.k, n, *units

@@ -29,7 +29,6 @@ from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.row_error import row_error
 from cpbench_solvers.lcp.claims import CLOSE
-from cpbench_solvers.nonlinear.projection_run import exponential
 
 
 class Reformulation:
@@ -212,9 +211,6 @@ class BoxNewton(Solver):
             problem.F(z)
             problem.F.jacobian(z)
         return problem
-
-    def warmup(self) -> None:
-        self.run(MiCP(F=exponential(), lb=np.zeros(1), ub=np.full(1, np.inf)))
 
     def solve(
         self, prepared: MiCP, budget: Budget, options: Any, start: Any = None, record: Record | None = None

@@ -14,7 +14,7 @@ from cpbench.formulations.linear import AVI, AVIPoint
 from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Vector, norm
-from cpbench.solvers.base import Budget, SolverSpec, register, solvers
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.inner import inner_solver
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import MeritPoint, StepwiseDescent, fall_back
@@ -59,10 +59,6 @@ class JosephyNewton(BoxNewton):
 
     def method(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> BoxMethod:
         return _JosephyNewton(box, options, budget)
-
-    def warmup(self) -> None:
-        super().warmup()
-        solvers.get(JosephyNewtonOptions().inner).warmup()
 
 
 class _JosephyNewton(StepwiseDescent):

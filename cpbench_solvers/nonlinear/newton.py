@@ -11,13 +11,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.nonlinear import Equation, EquationPoint
+from cpbench.formulations.nonlinear import EquationPoint
 from cpbench.formulations.variational import QVI, VI
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.row_error import LEAST
 from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
-from cpbench_solvers.nonlinear.projection_run import ProjectionSolver, exponential, run
+from cpbench_solvers.nonlinear.projection_run import ProjectionSolver, run
 from cpbench_solvers.traits import ITERATIVE
 
 
@@ -115,6 +115,3 @@ class EquationNewton(NaturalMapSolver):
 
     def setup(self, problem: Any, budget: Budget, options: NaturalNewtonOptions) -> VI | QVI:
         return super().setup(VI(F=problem.F, start=problem.start), budget, options)
-
-    def warmup(self) -> None:
-        self.run(Equation(F=exponential()))

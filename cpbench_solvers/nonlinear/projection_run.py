@@ -19,7 +19,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.base import scaled
-from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.linear import AVI
 from cpbench.formulations.variational import QVI, VI, QVIPoint, VIPoint
 from cpbench.foundation.cones import ProductCone
@@ -27,7 +26,7 @@ from cpbench.foundation.matrices import Sparse, Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error
-from cpbench_solvers.avi.claims import load_measure, verdict_error
+from cpbench_solvers.avi.claims import verdict_error
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.traits import ITERATIVE
 
@@ -167,11 +166,6 @@ class ProjectionSolver(Solver):
             problem.F.jacobian(problem.start)
         return problem
 
-    def warmup(self) -> None:
-        load_measure()
-        F = exponential()
-        self.run(VI(F=F) if self.spec.node == "vi" else QVI(F=F))
-
     def solve(
         self,
         prepared: VI | QVI,
@@ -184,13 +178,6 @@ class ProjectionSolver(Solver):
         limit = budget.iterations or options.max_iterations
         first = prepared.start if start is None else start.z
         return run(field, type(self).method(field, options), budget, limit, first, record)
-
-
-def exponential() -> Map:
-    """Return z ↦ exp(z) − 2, for a warm-up: it brings in what differentiates."""
-    build = Builder(1)
-    value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
-    return build.finish([value])
 
 
 def rows_obstacle(problem: VI | QVI) -> str | None:

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench_solvers.kernels import linear_rows, qp_apart, qp_sparse
 from cpbench_solvers.lcp.claims import concluded
-from cpbench_solvers.qp.claims import ROWS_KERNEL, SPARSE_KERNEL, ErrorMeasure
+from cpbench_solvers.qp.claims import ErrorMeasure
 from cpbench_solvers.qp.kkt_system import Entries, entries
 from cpbench_solvers.qp.proximal_active_set import OPERATIONS, PASSES, ProximalActiveSetOptions
 
-KERNEL = "cpbench_solvers.kernels.qp_apart"
 MOST = 100
 """Unknowns of a part up to which the compiled call for all small parts takes it."""
 SHOWN = 3
@@ -40,7 +39,7 @@ def parted(problem: QP) -> PartedQP | None:
     """Return a problem of several connected parts with these; None where it is one."""
     if not matrices.is_sparse(problem.Q) and problem.Q.size and np.all(matrices.dense(problem.Q)[0]):
         return None  # this row joins all unknowns
-    G = load(SPARSE_KERNEL).stacked(entries(problem.A), entries(problem.C))
+    G = qp_sparse.stacked(entries(problem.A), entries(problem.C))
     Q = entries(problem.Q)
     part = labels(Q, G)
     count = int(part.max(initial=-1)) + 1
@@ -50,7 +49,7 @@ def parted(problem: QP) -> PartedQP | None:
 def labels(Q: Entries, G: Entries) -> NDArray[np.int64]:
     """Return the connected part of every unknown and row, numbered from 0. Rows without entries, which are part of
     nothing, count to the first unknown's."""
-    part, n = load(ROWS_KERNEL).labels(Q, G), Q[0].size - 1
+    part, n = linear_rows.labels(Q, G), Q[0].size - 1
     alone = ~np.isin(part[n:], part[:n])
     if n and alone.any():
         part[n:][alone] = part[0]
@@ -68,7 +67,7 @@ def solve_apart(
     P, deadline = parts.problem, budget.deadline()
     whole = _Answer(P)
     counts, outcome = np.zeros(2, np.int64), np.empty(parts.count, np.int64)
-    kernel, own = load(KERNEL), ProximalActiveSetOptions()
+    kernel, own = qp_apart, ProximalActiveSetOptions()
     how = budget.tolerance, matrices.PSD_TOLERANCE, own.proximal, own.feasibility_tolerance, PASSES, OPERATIONS
     sides = np.concatenate([P.b, P.d])
     most = MOST if budget.iterations is None else 0
@@ -87,7 +86,7 @@ def solve_apart(
 
 def _members(parts: PartedQP, some: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
     if some.size:
-        first, row = load(KERNEL).members(parts.part, parts.count)
+        first, row = qp_apart.members(parts.part, parts.count)
         for q in some.tolist():
             yield q, row[first[q] : first[q + 1]]
 

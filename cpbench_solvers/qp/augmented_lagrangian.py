@@ -18,12 +18,11 @@ import numpy as np
 
 from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
-from cpbench_solvers.qp.kkt_system import KERNELS, KKT, entries
+from cpbench_solvers.qp.kkt_system import KKT, entries
 from cpbench_solvers.qp.scaling import ScaledQP, scaled
 from cpbench_solvers.traits import ITERATIVE
 
@@ -108,11 +107,6 @@ class AugmentedLagrangian(Solver):
 
     def obstacle(self, problem: QP) -> str | None:
         return convex_obstacle(problem)
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", KERNELS)
-        for E in (np.eye(1), matrices.sparse(np.eye(1))):
-            self.run(QP.build(E, -np.ones(1), A=E, b=np.zeros(1), lb=np.zeros(1)))
 
     def solve(
         self,

@@ -12,7 +12,6 @@ import numpy as np
 
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import nnz
-from cpbench.solvers import warming
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -82,15 +81,6 @@ class AutoQP(AutomaticChoice):
         "mprgp-qp",
         "augmented-lagrangian",
     )
-    kernels: ClassVar[tuple[str, ...]] = (
-        "qp_small",
-        "qp_apart",
-        "qp_presolve",
-        "qp_interior",
-        "qp_sparse",
-        "minimum_degree",
-        "mprgp",
-    )
 
     def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Any:
         """Return a `Plan`, or a `PartedQP`."""
@@ -98,7 +88,7 @@ class AutoQP(AutomaticChoice):
             return parts
         if 0 < problem.p.size <= (SMALL if _is_full(problem) else SMALL_SPARSE):
             # one compiled call, which finds out by itself whether Q is convex
-            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
+            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, solvers.get("proximal-active-set"))
         elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
             plan = Plan(problem, phases, problem, ProximalActiveSetOptions(**phases[0].options))
         else:

@@ -12,9 +12,9 @@ import numpy as np
 
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench_solvers.kernels import linear_error, linear_rows, qp_dense, qp_sparse
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.qp.kkt_system import entries
 
@@ -26,9 +26,6 @@ DECISIVE = 1e-7
 """What decides a proof must be at least this times the sum of the sizes of its terms."""
 RESTORED = 1_000_000
 """Entries of the largest matrix of a least-squares problem that completes a proof."""
-KERNEL = "cpbench_solvers.kernels.qp_dense"
-SPARSE_KERNEL = "cpbench_solvers.kernels.qp_sparse"
-ROWS_KERNEL, VERDICT_KERNEL = "cpbench_solvers.kernels.linear_rows", "cpbench_solvers.kernels.linear_error"
 
 
 Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -52,9 +49,9 @@ class ErrorMeasure:
         self.least = self.norms = math.inf
         P, blocks = problem, (problem.Q, problem.A, problem.C)
         if any(matrices.is_sparse(M) for M in blocks):
-            self._judged, (Q, A, C), work = load(SPARSE_KERNEL).judged_error, map(entries, blocks), ()
+            self._judged, (Q, A, C), work = qp_sparse.judged_error, map(entries, blocks), ()
         else:
-            self._judged, (Q, A, C), work = load(KERNEL).judged_error, blocks, (np.empty(2 * P.p.size),)
+            self._judged, (Q, A, C), work = qp_dense.judged_error, blocks, (np.empty(2 * P.p.size),)
         self._data, self._work = (Q, P.p, A, P.b, C, P.d, P.lb, P.ub), work
 
     def error(self, answer: Parts) -> float:
@@ -66,15 +63,15 @@ class ErrorMeasure:
     def verdict(self, answer: Parts) -> float:
         """Return the verdict's error; infinite for an answer that is not finite."""
         z, lam, mu, nu = answer
-        return load(VERDICT_KERNEL).largest_error(self._rows, np.concatenate([z, lam, mu]), nu)
+        return linear_error.largest_error(self._rows, np.concatenate([z, lam, mu]), nu)
 
     @cached_property
     def _rows(self) -> Any:
         """The conditions of the problem, as `linear_rows` has them."""
         P = self._problem
-        G = load(SPARSE_KERNEL).stacked(entries(P.A), entries(P.C))
+        G = qp_sparse.stacked(entries(P.A), entries(P.C))
         sides = np.concatenate([P.b, P.d])
-        return load(ROWS_KERNEL).linear(entries(P.Q), G, P.p, sides, P.b.size, P.lb, P.ub, True)
+        return linear_rows.linear(entries(P.Q), G, P.p, sides, P.b.size, P.lb, P.ub, True)
 
     def see(self, iteration: int, answer: Parts, *, passing: bool = False) -> float:
         """Return the error, recorded where nothing was recorded of that iteration."""
@@ -166,14 +163,6 @@ def unboundedness(problem: QP, ray: Vector) -> float | None:
     inside = (problem.A @ x >= -noise(problem.A)).all()
     inside = inside and (x[np.isfinite(problem.lb)] >= 0.0).all() and (x[np.isfinite(problem.ub)] <= 0.0).all()
     return float(slope.sum()) if flat and inside else None
-
-
-def warm_up(solver: Solver) -> QP:
-    """Solve the program with one row and one bound, which is returned; load what measures answers to sparse ones."""
-    load(SPARSE_KERNEL)
-    one = QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1))
-    solver.run(one)
-    return one
 
 
 def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]) -> SolverOutput | None:

@@ -12,17 +12,16 @@ from scipy.linalg import blas, lapack
 
 from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import SHARE
+from cpbench_solvers.kernels import qp_dual
 from cpbench_solvers.qp.claims import (
     ErrorMeasure,
     convex_obstacle,
     definite_obstacle,
     dense_obstacle,
     infeasible,
-    warm_up,
 )
 from cpbench_solvers.qp.scaling import stacked
 
@@ -48,7 +47,7 @@ class ActiveSet:
 
     def __init__(self, H: Dense, G: Dense, lower: Vector, upper: Vector, tolerance: float) -> None:
         n = H.shape[0]
-        self._kernel = load("cpbench_solvers.kernels.qp_dual")
+        self._kernel = qp_dual
         self._tolerance = tolerance
         self._U, info = lapack.dpotrf(H.T)
         if info != 0:
@@ -143,9 +142,6 @@ class DualActiveSet(Solver):
 
     def obstacle(self, problem: QP) -> str | None:
         return dense_obstacle(problem) or convex_obstacle(problem) or definite_obstacle(problem)
-
-    def warmup(self) -> None:
-        warm_up(self)
 
     def solve(
         self,

@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.programs import QP
-from cpbench.foundation.kernel_cache import load, load_all
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
+from cpbench_solvers.kernels import qp_interior
 from cpbench_solvers.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
-from cpbench_solvers.qp.kkt_system import KERNELS, KKT, Entries
+from cpbench_solvers.qp.kkt_system import KKT, Entries
 from cpbench_solvers.qp.polish import polish
 from cpbench_solvers.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench_solvers.qp.scaling import Scales, sparse_scaled
@@ -60,7 +60,7 @@ class Path:
 
     def __init__(self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions) -> None:
         n, N = scales.g.size, scales.lower.size
-        self._kernel = load("cpbench_solvers.kernels.qp_interior")
+        self._kernel = qp_interior
         self._options = options
         kkt = KKT(H, G, options.regularization, (scales.lower == scales.upper)[n:])
         self.chunk = max(int(min(CHUNK, OPERATIONS / max(kkt.operations, 1.0))), 1)
@@ -116,11 +116,6 @@ class InteriorPoint(Solver):
 
     def obstacle(self, problem: QP) -> str | None:
         return convex_obstacle(problem)
-
-    def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", KERNELS)
-        E = np.eye(1)
-        self.run(QP.build(E, -np.ones(1), A=E, b=np.zeros(1), lb=np.zeros(1)))
 
     def solve(
         self,

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector
+from cpbench_solvers.kernels import minimum_degree, qp_ldl, qp_sparse, qp_system
 
 Entries: TypeAlias = tuple[NDArray[np.int32], NDArray[np.int32], Vector]
 """Row pointers, columns and numbers of a sparse matrix."""
@@ -22,7 +22,6 @@ LEAST_TAIL, MOST_TAIL = 80, 6000
 """Rows that are worth a dense rest, and those that fit into memory."""
 BLAS = 8.0
 """So many operations of dense matrices take the time of one of a sparse factor."""
-KERNELS = ("minimum_degree", "qp_ldl", "qp_system")
 """Kernels that a warm-up has to load: a small problem needs only the last."""
 FULL = 0.25
 """With this share of entries that are not 0 the system is dense without further thought."""
@@ -35,7 +34,7 @@ def entries(M: Matrix) -> Entries:
         S = S if S.has_sorted_indices else S.sorted_indices()
         indptr, indices = (np.ascontiguousarray(part, dtype=np.int32) for part in (S.indptr, S.indices))
         return indptr, indices, np.ascontiguousarray(S.data)
-    return load("cpbench_solvers.kernels.qp_sparse").rows_of(np.ascontiguousarray(M))
+    return qp_sparse.rows_of(np.ascontiguousarray(M))
 
 
 class KKT:
@@ -48,7 +47,7 @@ class KKT:
 
     def __init__(self, H: Entries, G: Entries, delta: float, equal: NDArray[np.bool_] | None = None) -> None:
         self.H, self.G, self._delta = H, G, delta
-        self._kernel = load("cpbench_solvers.kernels.qp_system")
+        self._kernel = qp_system
         n, r = H[0].size - 1, G[0].size - 1
         self.n, self._r = n, r
         zero = np.zeros(r, dtype=bool) if equal is None else equal
@@ -82,13 +81,13 @@ class KKT:
     def _analysed(self) -> tuple[Any, tuple[Any, ...]]:
         """Return entries below the diagonal of each column of the factor, and the matrix in the order of
         elimination."""
-        ldl, H, G = load("cpbench_solvers.kernels.qp_ldl"), self.H, self.G
+        ldl, H, G = qp_ldl, self.H, self.G
         N = self.n + self._r
         size = H[2].size + 2 * G[2].size
         work, indptr, indices = np.empty(N, dtype=np.int64), np.empty(N + 1, dtype=np.int32), np.empty(size, np.int32)
         ldl.adjacency(H, G, work, indptr, indices)
         order, place = np.empty((2, N), dtype=np.int64)
-        load("cpbench_solvers.kernels.minimum_degree").minimum_degree(indptr, indices[: indptr[-1]], order)
+        minimum_degree.minimum_degree(indptr, indices[: indptr[-1]], order)
         place[order] = np.arange(N)
         indptr, indices = np.empty(N + 1, dtype=np.int32), np.empty(H[2].size + G[2].size, dtype=np.int32)
         data, diagonal = np.empty(indices.size), np.empty(N)

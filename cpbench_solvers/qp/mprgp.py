@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.programs import QP, QPPoint
-from cpbench.foundation import matrices
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
@@ -44,11 +43,6 @@ class MPRGPOnQP(Solver):
     def setup(self, problem: QP, budget: Budget, options: MPRGPOptions) -> ScaledBox:
         size = max(1.0, max_abs(problem.p))
         return scaled_box(problem, problem.Q, problem.p, problem.lb, problem.ub, size)
-
-    def warmup(self) -> None:
-        linear_program.load()
-        for Q in (np.eye(2), matrices.sparse(np.eye(2))):
-            self.run(QP.build(Q, -np.ones(2), lb=np.zeros(2)))
 
     def solve(
         self,

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector
+from cpbench_solvers.kernels import qp_presolve, qp_sparse
 from cpbench_solvers.qp.claims import Parts
 from cpbench_solvers.qp.kkt_system import Entries, entries
 
@@ -31,7 +31,7 @@ class SparseQP:
 
 def sparse_data(problem: QP) -> SparseQP:
     """Return the data of a problem; dense matrices lose their zeros."""
-    G = load("cpbench_solvers.kernels.qp_sparse").stacked(entries(problem.A), entries(problem.C))
+    G = qp_sparse.stacked(entries(problem.A), entries(problem.C))
     return SparseQP(entries(problem.Q), G, problem.p, problem.b, problem.d, problem.lb, problem.ub)
 
 
@@ -44,7 +44,7 @@ def dense_problem(data: SparseQP) -> QP:
 
 def presolved(data: SparseQP) -> tuple[SparseQP, Callable[[Parts], Parts]] | None:
     """Return what is left of a QP and the way back; None where nothing is done or there seems to be no solution."""
-    kernel = load("cpbench_solvers.kernels.qp_presolve")
+    kernel = qp_presolve
     n, m, r = data.p.size, data.b.size, data.b.size + data.d.size
     right = np.concatenate([data.b, data.d])
     p, b, lb, ub = data.p.copy(), right.copy(), data.lb.copy(), data.ub.copy()

@@ -12,11 +12,11 @@ import numpy as np
 
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.shared.progress import Progress
-from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded, warm_up
+from cpbench_solvers.kernels import qp_small
+from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
 from cpbench_solvers.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench_solvers.qp.scaling import scaled
 
@@ -89,8 +89,8 @@ def record_ends(problem: QP, answer: QPPoint, iterations: int, record: Record) -
 @cache
 def _one_call() -> tuple[Any, int, int, int]:
     """Return the compiled call and its outcomes: solved, Q not convex, and too many sides."""
-    kernel = load("cpbench_solvers.kernels.qp_small")
-    return compiled(kernel.solve), kernel.SOLVED, kernel.NOT_CONVEX, kernel.CROWDED
+    kernel = qp_small
+    return kernel.solve, kernel.SOLVED, kernel.NOT_CONVEX, kernel.CROWDED
 
 
 @register
@@ -114,10 +114,6 @@ class ProximalActiveSet(Solver):
 
     def obstacle(self, problem: QP) -> str | None:
         return dense_obstacle(problem) or convex_obstacle(problem)
-
-    def warmup(self) -> None:
-        one = warm_up(self)
-        self.run(one, start=one.zero_point())
 
     def solve(
         self,

@@ -13,9 +13,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, max_abs
-from cpbench_solvers.qp.claims import KERNEL
+from cpbench_solvers.kernels import qp_dense, qp_sparse
 from cpbench_solvers.qp.kkt_system import Entries
 from cpbench_solvers.qp.presolve import SparseQP, sparse_data
 
@@ -82,7 +81,7 @@ def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
         )
     D, E = np.ones(n), np.ones(r)
     H, G = np.array(matrices.dense(problem.Q)), np.array(stacked(problem)[2])
-    load(KERNEL).equilibrate(H, G, D, E, PASSES)
+    qp_dense.equilibrate(H, G, D, E, PASSES)
     scales = _scales(problem, D, E, max_abs(H))
     return ScaledQP(**vars(scales), H=scales.c * H, G=G)
 
@@ -93,7 +92,7 @@ def sparse_scaled(data: SparseQP) -> tuple[Scales, Entries, Entries]:
     H: Entries = indptr.copy(), indices.copy(), numbers.copy()
     G: Entries = G_indptr.copy(), G_indices.copy(), G_numbers.copy()
     D, E = np.ones(data.p.size), np.ones(data.b.size + data.d.size)
-    load("cpbench_solvers.kernels.qp_sparse").equilibrate(H, G, D, E, PASSES)
+    qp_sparse.equilibrate(H, G, D, E, PASSES)
     scales = _scales(data, D, E, max_abs(H[2]))
     H[2][:] *= scales.c
     return scales, H, G

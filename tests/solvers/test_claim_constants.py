@@ -12,11 +12,11 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
 from cpbench.formulations.linear import AVI, LCP, AVIPoint
 from cpbench.formulations.local_contact import FrictionContact
-from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_solvers.avi.claims import NONE, rows_of
 from cpbench_solvers.contact.parts import ContactParts
+from cpbench_solvers.kernels import linear_error
 from cpbench_solvers.lcp.claims import conclude
 
 
@@ -78,6 +78,6 @@ def test_idle_constants_of_box_problems_count_from_a_tenth(share: float, counts:
     M = np.array([[1.0, 1.0, 1.0], [t, 1.0, 1.0], [1.0, 1.0, 1.0]])
     problem = AVI(M=M, q=np.array([-1.0, 100.0, -1.001]), lb=np.zeros(3))
     point = AVIPoint(np.array([1.0, 0.0, 0.0]))
-    error = load("cpbench_solvers.kernels.linear_error").largest_error(rows_of(problem), point.z, NONE)
+    error = linear_error.largest_error(rows_of(problem), point.z, NONE)
     assert error == pytest.approx(judge(problem, point, 1e-6).error, rel=0.01)
     assert (error < 1e-4) == counts

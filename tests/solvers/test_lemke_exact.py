@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from cpbench.formulations import AVI, LCP, MLCP
-from cpbench.foundation import kernel_cache
 from cpbench.proofs import prove
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
+from cpbench_solvers.kernels import pivoting, tableau
 from cpbench_solvers.lcp.lemke_columns import PivotingState
 
 Rng = np.random.Generator
@@ -94,7 +94,7 @@ def drawn(family: str, count: int) -> list[Integers]:
 
 def first_row(M: Any, q: Any) -> int:
     """The row in which the compiled loops begin."""
-    return int(kernel_cache.load("cpbench_solvers.kernels.tableau").first_row(M, q, np.empty(len(q), np.int64)))
+    return int(tableau.first_row(M, q, np.empty(len(q), np.int64)))
 
 
 def by_tableau(kernel: Any, M: Any, q: Any, z: Any) -> int:
@@ -124,7 +124,7 @@ def by_pieces(kernel: Any, M: Any, q: Any, z: Any) -> int:
 
 def outcomes_are_exact(problems: list[Integers]) -> Counter[str]:
     """Check all loops on all problems; count the exact outcomes, with those of the topmost of tied rows."""
-    kernel = kernel_cache.load("cpbench_solvers.kernels.pivoting")
+    kernel = pivoting
     words = {kernel.COMPLEMENTARY: exact_lemke.COMPLEMENTARY, kernel.RAY: exact_lemke.RAY, kernel.LIMIT: "limit"}
     counted = Counter[str]()
     for given in problems:

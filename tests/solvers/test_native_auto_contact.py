@@ -11,12 +11,12 @@ import pytest
 
 from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, solvers
 from cpbench.verification import judge
 from cpbench_solvers.contact.members import PlainMember
 from cpbench_solvers.contact.policy import SweepProgress, next_method
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
+from cpbench_solvers.kernels import anderson
 
 DUE = {"newton": 1e8, "admm": 3e8}
 """Ten thousand and thirty thousand sweeps of 10 us."""
@@ -50,7 +50,6 @@ def test_whatever_fails_all_come_again() -> None:
 
 def plain(rows: BlockRows, sweeps: int) -> np.ndarray:
     """Anderson's acceleration in NumPy: least squares by `lstsq`, a sweep by `Sweeps`."""
-    anderson = kernel_cache.load("cpbench_solvers.kernels.anderson")
     problem, one = rows.problem, Sweeps(rows)
     weight = np.repeat(1.0 / np.sqrt(problem.rho), problem.dimension)
     r = np.zeros(problem.q.size)
@@ -78,7 +77,6 @@ def test_accelerated_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, d
     accelerated = AcceleratedSweeps(rows)
     accelerated.sweep(3, 1e-300)
     accelerated.sweep(3, 1e-300)  # goes on where it was
-    anderson = kernel_cache.load("cpbench_solvers.kernels.anderson")
     state = accelerated._work[1 : anderson.MEASURED].view(np.int64)
     assert state[anderson.REJECTED] == 0, "every step was followed"
     r = accelerated._work[anderson.ANSWER + problem.q.size :][: problem.q.size]  # the next iterate

@@ -14,10 +14,12 @@ from references.nsgs import one_contact
 
 from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.foundation import cones, kernel_cache
+from cpbench.foundation import cones
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.verification import judge
 from cpbench_solvers.contact import sweeps as contact_sweeps
+from cpbench_solvers.kernels import contact_error, contact_splitting
+from cpbench_solvers.kernels.one_contact import projected
 
 METHODS = (
     "nsgs", "newton-alart-curnier", "newton-natural-map", "proximal-newton", "interior-point-fc", "admm-fc", "apgd-fc",
@@ -94,7 +96,7 @@ def test_a_strongly_coupled_contact_is_solved_in_one_sweep(rng: np.random.Genera
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: int) -> None:
     """At any point, in any units, on any blocks: what NSGS stops on is what `residuals` judges."""
-    kernel, solver = kernel_cache.load("cpbench_solvers.kernels.contact_error"), solvers.get("nsgs")
+    kernel, solver = contact_error, solvers.get("nsgs")
     for _ in range(60):
         nc = int(rng.integers(1, 8))
         w, s, p = 10.0 ** rng.uniform(-5, 5, 3)
@@ -167,14 +169,11 @@ def test_no_claim_on_a_real_file_is_false(shared_data: Path, folder: str) -> Non
 @pytest.mark.parametrize("mu", [0.0, 1e-3, 0.5])
 def test_kernels_project_as_the_cone_does(mu: float) -> None:
     """Also (−1, 0, 0) without friction, which is on the wrong side of the apex and has no tangential part."""
-    one, splitting = (
-        kernel_cache.load(f"cpbench_solvers.kernels.{name}") for name in ("one_contact", "contact_splitting")
-    )
     for x in ([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 2.0], [-1.0, 3.0, 4.0], [1.0, 3.0, 4.0]):
         row, z, xi = np.array(x), np.zeros(3), np.zeros(3)
         expected = cones.project_friction_cone(row[None, :], np.array([mu]))[0]
-        np.testing.assert_allclose(one.projected(*x, mu), expected, atol=1e-15)
-        splitting.advance(row, np.array([mu]), 1.0, 1.0, 3, z, xi, np.zeros(1), np.zeros(4))
+        np.testing.assert_allclose(projected(*x, mu), expected, atol=1e-15)
+        contact_splitting.advance(row, np.array([mu]), 1.0, 1.0, 3, z, xi, np.zeros(1), np.zeros(4))
         np.testing.assert_allclose(z, expected, atol=1e-15)
         np.testing.assert_allclose(xi, row - expected, atol=1e-15)
         assert expected[0] >= 0.0

@@ -10,11 +10,11 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench import storage
-from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
+from cpbench_solvers.kernels import contact_interior
 
-KERNEL = kernel_cache.load("cpbench_solvers.kernels.contact_interior")
+KERNEL = contact_interior
 
 
 def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:

@@ -7,13 +7,14 @@ import planted
 import pytest
 
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.foundation import cones, kernel_cache
+from cpbench.foundation import cones
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
 from cpbench.verification import judge
 from cpbench_solvers.contact.frozen_law import FrozenProblem, block_csr
 from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench_solvers.contact.sweeps import scaled_contacts
+from cpbench_solvers.kernels import contact_projection, frozen_contact
 
 FIXED_POINTS = ("tresca-fixed-point", "aclm-fixed-point")
 SETS = ("CONE", "CYLINDER")
@@ -36,7 +37,7 @@ def data(rng: np.random.Generator, dimension: int) -> tuple[FrictionContact, np.
 def test_nesterovs_method_is_that_of_plain_numpy(rng: np.random.Generator, dimension: int, kind: str) -> None:
     problem, x, radius = data(rng, dimension)
     contacts = scaled_contacts(problem)
-    kernel = kernel_cache.load("cpbench_solvers.kernels.frozen_contact")
+    kernel = frozen_contact
     W, p, shape = contacts.W, contacts.q, (-1, dimension)
     code, state = getattr(kernel, kind), np.array([1.0, 4.0])
     moved = [x.copy(), W @ x, x.copy(), W @ x]
@@ -70,7 +71,7 @@ def test_frozen_problems_are_solved(rng: np.random.Generator, dimension: int, ki
     contacts = scaled_contacts(problem)
     frozen = FrozenProblem(contacts, x, momentum=momentum)
     shift = rng.uniform(0.0, 1.0, 12)
-    kernel = kernel_cache.load("cpbench_solvers.kernels.frozen_contact")
+    kernel = frozen_contact
     frozen.minimize(getattr(kernel, kind), shift, radius, 1e-12, 20_000, np.inf)
     p = contacts.q.copy()
     p[::dimension] += shift
@@ -83,7 +84,7 @@ def test_frozen_problems_are_solved(rng: np.random.Generator, dimension: int, ki
 def test_projection_steps_are_those_of_plain_numpy(rng: np.random.Generator, dimension: int) -> None:
     problem, x, _ = data(rng, dimension)
     contacts = scaled_contacts(problem)
-    kernel = kernel_cache.load("cpbench_solvers.kernels.contact_projection")
+    kernel = contact_projection
     law = (*block_csr(contacts), contacts.q, problem.mu, dimension)
     rho = 1e-3  # short enough that it is never reduced, and raised once
 

@@ -8,11 +8,12 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.foundation import cones, kernel_cache
+from cpbench.foundation import cones
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions
 from cpbench_solvers.contact.sweeps import scaled_contacts
+from cpbench_solvers.kernels import contact_newton
 
 NEWTON = ("newton-alart-curnier", "newton-natural-map")
 FUNCTIONS = list(ContactFunction)
@@ -42,7 +43,7 @@ def plain(function: ContactFunction, x: np.ndarray, v: np.ndarray, mu: float, rh
 def test_the_functions_are_those_of_their_definitions(
     rng: np.random.Generator, dimension: int, function: ContactFunction
 ) -> None:
-    kernel = kernel_cache.load("cpbench_solvers.kernels.contact_newton")
+    kernel = contact_newton
     nc = 50
     x, v = rng.standard_normal((2, nc, dimension))
     mu, rho = np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0.1, 1, nc)), rng.uniform(0.5, 2, (nc, 2))

@@ -11,17 +11,17 @@ from claims import assert_claim, assert_own_measure
 
 from cpbench import storage
 from cpbench.formulations import LCP, LCPPoint
-from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_problems.generators.lcp_classics import fathi, murty
+from cpbench_solvers.kernels import lcp_error
 
 ALL = ("lemke", "bpp", "newton-min", "pgs", "psor")
 
 
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
     """Whatever the units of M, q and z."""
-    kernel = kernel_cache.load("cpbench_solvers.kernels.lcp_error")
+    kernel = lcp_error
     for _ in range(40):
         m, p, s = 10.0 ** rng.uniform(-6, 6, 3)
         M, q, z = m * rng.uniform(-1, 1, (9, 9)), p * rng.uniform(-1, 1, 9), s * rng.uniform(-0.2, 1, 9)

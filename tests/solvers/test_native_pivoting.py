@@ -7,10 +7,10 @@ import planted
 import pytest
 
 from cpbench.formulations import LCP
-from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_problems.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
+from cpbench_solvers.kernels import lemke_pairs, principal_pivoting
 from cpbench_solvers.lcp.changing_basis import ChangingBasis
 from cpbench_solvers.lcp.principal_pivoting import transform
 
@@ -44,7 +44,7 @@ def reference_murty(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, int]:
 
 def test_pivots_make_the_principal_transform(rng: np.random.Generator) -> None:
     """One pair after the other, and all at once, against the definition."""
-    kernel = kernel_cache.load("cpbench_solvers.kernels.principal_pivoting")
+    kernel = principal_pivoting
     M, q, F = rng.standard_normal((7, 7)), rng.standard_normal(7), np.array([1, 3, 5])
     T = M.copy()
     for r in F:
@@ -178,7 +178,7 @@ def test_block_pivoting_from_any_guess(sweeps: int) -> None:
 
 
 def test_the_transform_of_a_pair_is_its_definition(rng: np.random.Generator) -> None:
-    kernel = kernel_cache.load("cpbench_solvers.kernels.lemke_pairs")
+    kernel = lemke_pairs
     n = 7
     for _ in range(30):
         M, q = rng.uniform(-1, 1, (n, n)), rng.uniform(-1, 1, n)
@@ -191,7 +191,7 @@ def test_the_transform_of_a_pair_is_its_definition(rng: np.random.Generator) -> 
 
 
 def test_a_singular_pair_has_no_transform() -> None:
-    kernel = kernel_cache.load("cpbench_solvers.kernels.lemke_pairs")
+    kernel = lemke_pairs
     M = np.array([[0.1, 0.3, 1.0], [0.2, 0.6, 0.0], [1.0, 0.0, 1.0]])
     assert not kernel.transform(M, np.ones(3), 0, 1, np.empty((3, 3)), *np.empty((3, 3)))
 

@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.formulations import QP
 from cpbench.formulations.programs import QPPoint
-from cpbench.foundation.kernel_cache import load
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
+from cpbench_solvers.kernels import minimum_degree, qp_ldl
 from cpbench_solvers.qp.claims import ErrorMeasure, infeasibility, unboundedness
 from cpbench_solvers.qp.presolve import presolved, sparse_data
 from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
@@ -203,7 +203,7 @@ def test_the_compiled_equilibration_is_that_of_numpy() -> None:
 
 
 def test_the_sparse_factor_is_ldl() -> None:
-    kernel = load("cpbench_solvers.kernels.qp_ldl")
+    kernel = qp_ldl
     rng = np.random.default_rng(8)
     S = sp.random_array((30, 30), density=0.1, rng=rng)
     K = sp.csc_array(S + S.T + sp.diags_array(np.where(np.arange(30) < 20, 8.0, -8.0)))
@@ -227,7 +227,7 @@ def test_the_sparse_factor_is_ldl() -> None:
 @pytest.mark.parametrize("n", [1, 5, 130])
 def test_the_dense_factor_is_ldl(n: int) -> None:
     """Quasi-definite: by the inertia of [[P, Bᵀ], [B, −R]], and the matrix is made again of its factors."""
-    kernel = load("cpbench_solvers.kernels.qp_ldl")
+    kernel = qp_ldl
     rng = np.random.default_rng(n)
     K = rng.standard_normal((n, n))
     K = K + K.T
@@ -244,7 +244,7 @@ def test_the_dense_factor_is_ldl(n: int) -> None:
 def test_minimum_degree_is_an_order_with_little_fill() -> None:
     """No fill on a tree and where few rows join all unknowns; on a square grid of 30² no more than 1.2 times that of
     SuperLU's multiple minimum degree."""
-    kernel = load("cpbench_solvers.kernels.minimum_degree")
+    kernel = minimum_degree
     line = sp.diags_array([1.0, 1.0], offsets=[-1, 1], shape=(30, 30))
     rng = np.random.default_rng(0)
     parents = [int(rng.integers(0, i)) for i in range(1, 200)]
@@ -260,9 +260,7 @@ def test_minimum_degree_is_an_order_with_little_fill() -> None:
         assert (np.sort(order) == np.arange(order.size)).all()
         upper = sp.csc_array(sp.triu(pattern[order][:, order]))
         parent, count = np.empty((2, order.size), dtype=np.int64)
-        load("cpbench_solvers.kernels.qp_ldl").tree(
-            upper.indptr.astype(np.int32), upper.indices.astype(np.int32), parent, count
-        )
+        qp_ldl.tree(upper.indptr.astype(np.int32), upper.indices.astype(np.int32), parent, count)
         assert count.sum() <= most
 
 

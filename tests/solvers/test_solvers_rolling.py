@@ -13,9 +13,10 @@ from scipy.optimize import brentq
 from tiers import some_by_day
 
 from cpbench.formulations import FCPoint, FrictionContact, RollingFrictionContact
-from cpbench.foundation import cones, kernel_cache
+from cpbench.foundation import cones
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
+from cpbench_solvers.kernels import rolling_gauss_seidel
 
 SOLVER = "nsgs-rfc"
 
@@ -156,7 +157,7 @@ def test_the_natural_step_projects_like_the_reference(rng: np.random.Generator, 
         hat = cones.rolling_de_saxce((L * (W @ r + q))[None], np.array([mu]), np.array([mu_r / L[-1]]))
         step = (r / L)[None] - problem.rho[:, None] * hat
         expected = L * cones.project_rolling_cone(step, np.array([mu]), np.array([mu_r / L[-1]]))[0]
-        kernel = kernel_cache.load("cpbench_solvers.kernels.rolling_gauss_seidel")
+        kernel = rolling_gauss_seidel
         solver = solvers.get(SOLVER)
         prepared = solver.setup(problem, Budget(), solver.spec.options()).prepared
         data = *prepared.matrix, *prepared.law, *prepared.local
@@ -170,7 +171,7 @@ def test_the_natural_step_projects_like_the_reference(rng: np.random.Generator, 
 @pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize("d", [3, 5])
 def test_the_compiled_error_is_that_of_the_residuals(rng: np.random.Generator, d: int, sparse: bool) -> None:
-    kernel = kernel_cache.load("cpbench_solvers.kernels.rolling_gauss_seidel")
+    kernel = rolling_gauss_seidel
     solver = solvers.get(SOLVER)
     for nc in (1, 2, 7):
         problem, point = planted_contact.rfc(rng, nc, d, sparse=sparse)

@@ -68,25 +68,6 @@ def _runs(pid: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize("loads", [True, False])
-def test_what_is_loaded_in_a_solve_is_not_in_its_time(loads: bool) -> None:
-    def work(there: Work) -> dict[str, Any]:
-        there.off_the_clock(False)  # outside a solve nothing stops
-        there.begin("solve")
-        if loads:
-            there.off_the_clock(True)
-        time.sleep(2.5)
-        if loads:
-            there.off_the_clock(False)
-        return {"phase": there.phase}
-
-    if loads:
-        assert ended(work, solve=2.0) == {"phase": "solve"}
-    else:
-        with pytest.raises(Stopped):
-            ended(work, solve=2.0)
-
-
 @pytest.mark.parametrize(("end", "code"), [(lambda: sys.exit(3), 3), (lambda: os.kill(os.getpid(), 9), -9)])
 def test_a_death_has_its_code_and_phase(end: Callable[[], object], code: int) -> None:
     def work(there: Work) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from cpbench.conversions.base import Conversion, Size, conversions, make
 from cpbench.conversions.congruence import Congruence, index_dtype
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, LCPPoint, Relay
-from cpbench.foundation import kernel_cache, matrices
+from cpbench.foundation import matrices
 from cpbench.testing.cases import cases
 
 quick = settings(max_examples=60, deadline=None, derandomize=True)
@@ -164,21 +164,6 @@ def test_sizes() -> None:
     assert Size.sparse(10, 10, 20).bytes == 20 * 12 + 11 * 4
     assert Size.sparse(10, 10, 2**31).bytes == 2**31 * 16 + 11 * 8
     assert str(Size(7, 11, 1_500_000_000)) == "7 rows, 11 entries, 1.5 GB at most"
-
-
-def test_nothing_compiles_after_the_import() -> None:
-    from numba.core.compiler import CompilerBase
-
-    kernel_cache.load("cpbench.conversions.kernels.congruence")
-    compiled: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(congruence, "COMPILED_ABOVE", -1)
-        patch.setattr(CompilerBase, "compile_extra", lambda self, func: compiled.append(func.__name__))
-        W = matrices.matrix(sp.eye_array(6, format="csr"))
-        for index in (np.int32, np.int64):
-            patch.setattr(congruence, "index_dtype", lambda *_, index=index: index)
-            facets.congruence(facets.directions(4, 0.0)).assemble(W, facets.coefficients(np.ones(2)))
-    assert compiled == []
 
 
 SAID = [n for n in conversions.names() if conversions.get(n).predict is not Conversion.predict]

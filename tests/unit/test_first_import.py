@@ -1,4 +1,4 @@
-"""No solver imports anything while it is timed: what it may need is loaded by its warm-up."""
+"""No solver imports anything while it is timed: its process has loaded what it may need."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CORE = {
 OWN, FOREIGN = "cpbench_solvers.", "cpbench_adapters."
 WATCHED = """
 import os, sys
-import numba
+import cpbench.bench.processes.preload  # as in the processes of a run
 from cpbench.bench import worker
 from cpbench.solvers import Budget, solvers
 from cpbench.testing.cases import cases, infeasible

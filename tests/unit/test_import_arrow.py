@@ -19,7 +19,8 @@ FOUNDATION: dict[str, set[str]] = {
     "foundation.child_processes": set(),
     "foundation.locks": {"errors"},
     "foundation.imports": set(),
-    "foundation.kernel_cache": {"foundation.locks", "foundation.imports"},
+    "foundation.kernels": set(),
+    "foundation.kernel_build": {"foundation.kernels"},
     "foundation.text": {"errors"},
 }
 BASE = {"errors", "registry", "foundation", *FOUNDATION, "formulations.expressions", "formulations.ncp_functions"}
@@ -30,7 +31,7 @@ ALLOWED: dict[str, set[str]] = {
     "registry": {"errors"},
     "foundation": set(),
     **FOUNDATION,
-    "formulations.expressions": {"errors", "foundation.extensions", "foundation.matrices", "foundation.kernel_cache"},
+    "formulations.expressions": {"errors", "foundation.extensions", "foundation.matrices", "foundation.kernels"},
     "formulations.ncp_functions": {"foundation.matrices", "formulations.expressions"},
     "formulations": BASE,
     "formulations.exchange": BASE | {"formulations"},

@@ -17,8 +17,8 @@ from typing import Any
 from cpbench.bench.processes.isolation import address_space, die_with_parent, memory_around
 from cpbench.foundation.child_processes import fork
 
-FIRST, SOLVE, OFF = "read", "solve", "warm-up"
-"""The phase that the work begins in; the solve, whose memory is limited by itself; and what is loaded meanwhile."""
+FIRST, SOLVE, WARMING = "read", "solve", "warm-up"
+"""The phase that the work begins in; the solve, whose memory is limited by itself; and what is loaded before it."""
 NEVER = 1e8
 """Seconds of an alarm where a phase has no limit: those of three years."""
 
@@ -42,7 +42,7 @@ class Work:
     def __init__(self, descriptor: int, limits: Mapping[str, float], memory: int) -> None:
         self._descriptor, self._memory = descriptor, memory
         self._left = {phase: min(seconds, NEVER) for phase, seconds in limits.items()}
-        self._solving, self._paused = 0, False
+        self._solving = 0
         self.phase = FIRST
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         self._allow(address_space() + memory_around(memory))
@@ -59,15 +59,6 @@ class Work:
         if phase == SOLVE:
             self._solving = address_space() + self._memory
         self._enter(phase)
-
-    def off_the_clock(self, loading: bool) -> None:
-        """Stop the clock of a solve while something is loaded, and leave out the memory that this takes."""
-        if loading and self.phase == SOLVE:
-            self._solving, self._paused = self._solving - address_space(), True
-            self._enter(OFF)
-        elif self._paused and not loading:
-            self._solving, self._paused = self._solving + address_space(), False
-            self._enter(SOLVE)
 
     def _enter(self, phase: str) -> None:
         self._left[self.phase], _ = signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -34,8 +34,8 @@ RESTARTS, PAUSE = 8, 1.0
 the forkserver again and again, and a new one takes a second to import everything."""
 NO_LEAKS = "ignore:resource_tracker:UserWarning"
 """Filter of a warning: multiprocessing's tracker reports semaphores of guests that were killed, and removes them."""
-PASSED_ON = ("CPBENCH_", "NUMBA_")
-"""Prefixes of variables that children get as they are now, not as they were when the forkserver started."""
+PASSED_ON = "CPBENCH_"
+"""Prefix of the variables that children get as they are now, not as they were when the forkserver started."""
 PRELOAD = "cpbench.bench.processes.preload"
 
 

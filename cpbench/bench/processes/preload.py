@@ -14,8 +14,10 @@ MODULES = (
     "numpy",
     "scipy.sparse.linalg",
     "scipy.linalg",
+    "scipy.optimize",
     "h5py",
     "cpbench.formulations",
+    "cpbench.formulations.expressions.evaluation",
     "cpbench.storage",
     "cpbench.conversions",
     "cpbench.solvers",
@@ -30,6 +32,8 @@ def preload() -> None:
         for module in MODULES:
             with contextlib.suppress(Exception):
                 importlib.import_module(module)
+        with contextlib.suppress(Exception):
+            importlib.import_module("cpbench.solvers").solvers.discover()  # modules of solvers, not their packages
     os.environ.pop("PYTHONSAFEPATH", None)  # was for this process alone (`launch`)
     gc.freeze()  # nor by anybody forked from here
 

@@ -5,29 +5,22 @@ in WF are made first, in a buffer that stays in cache and has the layout of the 
 then a short combination of them, in one loop that vectorises over all the blocks of the contact.
 """
 
-from numba import float64, int32, int64, njit, types, uint64
+import numpy as np
+
+from cpbench.foundation.kernels import boolean, float64, helper, int32, int64, kernel, read_only, void
 
 NOT_FULL = -1
 """What `write` returns when a block lacks an entry and `full` was promised."""
 _NONE = 1 << 62
 
 
-def _readonly(kind, ndim=1):
-    return types.Array(kind, ndim, "C", readonly=True)
-
-
 # Neither contraction nor reassociation: terms that cancel must give 0, which is not stored. Offsets are unsigned
 # where a loop should vectorise: a signed one may count from the end. What is called for every row would count
 # references to its arrays, which costs more than the row: `write` has the rows itself, and the
-# stages of a contact are copied into it (inline="always").
+# stages of a contact are copied into it (inline).
 
 
-@njit(
-    [types.void(_readonly(index), _readonly(index), int64[::1], int64[::1]) for index in (int32, int64)],
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-)
+@kernel(*(void(read_only(index), read_only(index), int64[::1], int64[::1]) for index in (int32, int64)))
 def count_blocks(indptr, indices, at, blocks):
     """Set blocks[c] to how many d x d blocks of contact c hold an entry; at : work, (d,)."""
     d = at.size
@@ -39,7 +32,7 @@ def count_blocks(indptr, indices, at, blocks):
             least = _NONE
             for a in range(d):
                 if at[a] < indptr[c * d + a + 1]:
-                    least = min(least, int64(indices[at[a]]))
+                    least = min(least, np.int64(indices[at[a]]))
             if least == _NONE:
                 break
             end = (least // d + 1) * d
@@ -50,7 +43,7 @@ def count_blocks(indptr, indices, at, blocks):
         blocks[c] = count
 
 
-@njit(inline="always", error_model="numpy")
+@helper(inline=True)
 def _merge(indptr, indices, data, c, at, J, S):
     """Place blocks of contact c side by side in S, (d, ·), their columns in J, c among them; return how many they
     are.
@@ -63,7 +56,7 @@ def _merge(indptr, indices, data, c, at, J, S):
         least = _NONE
         for a in range(d):
             if at[a] < indptr[c * d + a + 1]:
-                least = min(least, int64(indices[at[a]]))
+                least = min(least, np.int64(indices[at[a]]))
         more = least < _NONE
         j = least // d
         if j > c and not diagonal:
@@ -82,33 +75,33 @@ def _merge(indptr, indices, data, c, at, J, S):
     return count
 
 
-@njit(inline="always", error_model="numpy")
+@helper(inline=True)
 def _place_blocks(indptr, indices, data, full, c, at, J, S):
     """Place the blocks of contact c side by side in S, and their columns in J: rows that are alike and full are copied,
     others merged unless all are promised to be `full`. Return how many blocks, or NOT_FULL."""
     d = at.size
     first = indptr[c * d]
-    n = uint64(indptr[c * d + 1] - first)
-    unlike = int64(n) % d + int64(indptr[c * d + d] - first) - d * int64(n)
+    n = np.uint64(indptr[c * d + 1] - first)
+    unlike = np.int64(n) % d + np.int64(indptr[c * d + d] - first) - d * np.int64(n)
     count, diagonal = 0, False
     if unlike == 0:
-        start = uint64(first)
-        for a in range(uint64(1), uint64(d)):
+        start = np.uint64(first)
+        for a in range(np.uint64(1), np.uint64(d)):
             for t in range(n):
                 unlike += indices[start + t] != indices[start + a * n + t]
     if unlike == 0:
-        count = int64(n) // d
+        count = np.int64(n) // d
         for b in range(count):
-            column_0 = int64(indices[first + b * d])
+            column_0 = np.int64(indices[first + b * d])
             j = column_0 // d
             unlike += (column_0 != j * d) | (indices[first + b * d + d - 1] != column_0 + d - 1)
             diagonal |= j == c
             J[b] = j
         for a in range(1, d):
-            unlike += indptr[c * d + a + 1] - indptr[c * d + a] - int64(n)
+            unlike += indptr[c * d + a + 1] - indptr[c * d + a] - np.int64(n)
     if unlike == 0 and diagonal:
-        start = uint64(first)
-        for a in range(uint64(d)):
+        start = np.uint64(first)
+        for a in range(np.uint64(d)):
             for t in range(n):
                 S[a, t] = data[start + a * n + t]
     elif full:
@@ -118,7 +111,7 @@ def _place_blocks(indptr, indices, data, full, c, at, J, S):
     return count
 
 
-@njit(inline="always", error_model="numpy")
+@helper(inline=True)
 def _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column):
     """Write R, the rows of contact c in WF, and its columns; return their number, and where the diagonal block begins,
     which has the columns of K too."""
@@ -126,11 +119,11 @@ def _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column):
     where = 0
     for b in range(count):
         base = J[b] * width
-        g, columns = uint64(0), uint64(active)
+        g, columns = np.uint64(0), np.uint64(active)
         if J[b] == c:
             where = length
-            g, columns = columns, uint64(chosen.size) - columns
-        start = uint64(length)
+            g, columns = columns, np.uint64(chosen.size) - columns
+        start = np.uint64(length)
         for m in range(columns):
             column[start + m] = base + chosen[g + m]
         if d == 3:  # held in registers: the compiler cannot know that R is not S
@@ -149,25 +142,22 @@ def _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column):
                     for t in range(d):
                         total += S[a, b * d + t] * F[t, g + m]
                     R[a, start + m] = total
-        length += int64(columns)
+        length += np.int64(columns)
     return length, where
 
 
-@njit(
-    [
+@kernel(
+    *(
         int64(
-            *(_readonly(index), _readonly(index), _readonly(float64), types.boolean),
-            *(_readonly(int64), _readonly(int64, 2), _readonly(float64, 2)),
-            *(_readonly(float64, 2), _readonly(int64), int64, int64),
-            *(_readonly(int64), _readonly(int64, 2), _readonly(float64, 3), _readonly(float64, 2)),
+            *(read_only(index), read_only(index), read_only(float64), boolean),
+            *(read_only(int64), read_only(int64, 2), read_only(float64, 2)),
+            *(read_only(float64, 2), read_only(int64), int64, int64),
+            *(read_only(int64), read_only(int64, 2), read_only(float64, 3), read_only(float64, 2)),
             *(int64[::1], int64[::1], float64[:, ::1], float64[:, ::1], index[::1]),
             *(index[::1], index[::1], float64[::1]),
         )
         for index in (int32, int64)
-    ],
-    cache=True,
-    nogil=True,
-    error_model="numpy",
+    )
 )
 def write(
     indptr,
@@ -230,18 +220,18 @@ def write(
                         p += 1
                 ptr[c * height + i + 1] = p
                 continue
-            start, zeros = uint64(p), 0
-            row, e = uint64(e_place[i, 0]), e_value[i, 0]
-            other, f = uint64(e_place[i, 1]), e_value[i, 1]
-            for t in range(uint64(length)):
+            start, zeros = np.uint64(p), 0
+            row, e = np.uint64(e_place[i, 0]), e_value[i, 0]
+            other, f = np.uint64(e_place[i, 1]), e_value[i, 1]
+            for t in range(np.uint64(length)):
                 value = e * R[row, t] + f * R[other, t]
                 x[start + t] = value
                 ix[start + t] = column[t]
                 zeros += value == 0.0
             for s in range(2, e_count[i]):
-                row, e = uint64(e_place[i, s]), e_value[i, s]
+                row, e = np.uint64(e_place[i, s]), e_value[i, s]
                 zeros = 0
-                for t in range(uint64(length)):
+                for t in range(np.uint64(length)):
                     value = x[start + t] + e * R[row, t]
                     x[start + t] = value
                     zeros += value == 0.0

@@ -15,12 +15,11 @@ import scipy.sparse as sp
 
 from cpbench.formulations.expressions import derivatives
 from cpbench.formulations.expressions.batches import Batches
+from cpbench.formulations.expressions.kernels import interpreter
 from cpbench.formulations.expressions.map import Index, Map
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.foundation import kernel_cache, matrices
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Sparse, Vector, freeze
-
-_INTERPRETER = "cpbench.formulations.expressions.kernels.interpreter"
 
 
 def evaluator(F: Map) -> Callable[[Vector], Vector]:
@@ -29,16 +28,11 @@ def evaluator(F: Map) -> Callable[[Vector], Vector]:
     return batches if batches.worthwhile else Interpreted(F)
 
 
-def load_interpreter() -> Any:
-    """Load the compiled loop: a worker has it before anything is timed."""
-    return kernel_cache.compiled(kernel_cache.load(_INTERPRETER).run)
-
-
 class Interpreted:
     """z ↦ F(z), one operation after the other in machine code."""
 
     def __init__(self, F: Map) -> None:
-        self._run = load_interpreter()
+        self._run = interpreter.run
         self._operations = freeze(np.column_stack([F.heads, F.left, F.right]))
         self._constants, self._outputs, self._inputs = F.constants, F.outputs, F.inputs
         self._size = max(1, F.inputs + F.constants.size + F.operations)

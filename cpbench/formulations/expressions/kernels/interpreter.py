@@ -7,22 +7,18 @@ become one jump table.
 import math
 
 import numpy as np
-from numba import float64, int64, njit, types
 
-_FLOATS = types.Array(float64, 1, "C", readonly=True)
-_TABLE = types.Array(int64, 2, "C", readonly=True)
-_NUMBERS = types.Array(int64, 1, "C", readonly=True)
+from cpbench.foundation.kernels import float64, int64, kernel, read_only, void
+
+_FLOATS = read_only(float64)
+_TABLE = read_only(int64, 2)
+_NUMBERS = read_only(int64)
 
 
 # No fastmath: comparisons must see NaN and infinity as NumPy does. LLVM makes a switch of the tests.
 
 
-@njit(
-    types.void(_TABLE, _FLOATS, _FLOATS, _NUMBERS, float64[::1], float64[::1]),
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-)
+@kernel(void(_TABLE, _FLOATS, _FLOATS, _NUMBERS, float64[::1], float64[::1]))
 def run(operations, z, constants, outputs, values, result):
     """Set result[i] to the value of number outputs[i]; operations : rows (head, left, right); values : work, one a
     value.
