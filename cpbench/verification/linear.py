@@ -3,7 +3,8 @@
 All of them are unknowns x in sets beside rows f that are linear in x, and are measured by one function: so an answer
 has the same verdict as lcp, mlcp, avi and qp. `docs/methods/verdict.md` shows that function with its reasons. What
 methods hold in norms is measured in norms; a constraint or a bound counts by its own terms, too, and what is left is
-the duality gap, over the objective itself. Nonlinear programs are measured by their linearization at the answer.
+the duality gap, over the objective itself, or where rows have no objective the lesser number of each pair. Nonlinear
+programs are measured by their linearization at the answer.
 """
 
 from __future__ import annotations
@@ -114,6 +115,8 @@ def sizes_of(system: System, layout: Layout, sums: Vector) -> AnswerSizes:
     rows = np.maximum(rows, needed)
     gradient, unknowns = largest(rows, z), largest(reach, z)
     unknowns = np.where(at_0, np.maximum(unknowns, np.maximum(sides, np.where(curved, cheapest, 0.0))), unknowns)
+    reach_of_data = np.maximum(sides, np.where(curved, prices, 0.0))
+    unknowns = np.where((unknowns > 0) | layout.program, unknowns, reach_of_data)  # 0 is not near its bounds
     multipliers, feeds = np.maximum(largest(reach, ~z), gradient), np.maximum(largest(rows, ~z), unknowns)
     x = C * np.where(z, of.spread(unknowns), of.spread(multipliers))
     f = np.where(z, of.spread(gradient), of.spread(feeds)) / D
@@ -121,8 +124,7 @@ def sizes_of(system: System, layout: Layout, sums: Vector) -> AnswerSizes:
         none, free = of.spread(absolute), of.spread(aimless)
         x = np.where(none, 1.0, np.where(free & ~z, np.inf, x))
         f = np.where(none, 1.0, np.where(free & z, np.inf, f))
-    reach = np.maximum(sides, np.where(curved, prices, 0.0))
-    return AnswerSizes(sums, needed / D, x, f, prices, cheapest, sides, reach, absolute)
+    return AnswerSizes(sums, needed / D, x, f, prices, cheapest, sides, reach_of_data, absolute)
 
 
 def distances(system: System, layout: Layout, sizes: AnswerSizes) -> Vector:
@@ -137,14 +139,18 @@ def distances(system: System, layout: Layout, sizes: AnswerSizes) -> Vector:
         missed = frame.largest(frame.sets.missed(system.x))
         beyond = np.where(z & (missed > 0), missed + frame.norms(system.x), 0.0)
         by_bound = np.maximum(x_unit, by_own_terms(beyond, x_unit))
+    # unknowns that cancel may be as large as one likes, and hide by that no more than √ε of the data
+    by_data = layout.D * of.spread(np.where(sizes.absolute, 0.0, inverse(sizes.reach)))
     found = system.distances(by_bound, by_terms)
+    grown = system.distances(np.zeros_like(x_unit), np.where(z, 0.0, by_data))
+    if not layout.program.all():  # without an objective that is right, a pair of two small numbers is off by the lesser
+        program = of.spread(layout.program)
+        found = np.where(program, found, system.defect(by_bound, by_terms))
+        grown = np.where(program, grown, system.defect(x_unit, by_data))
     if system.also is not None:
         value, at = system.also
         off = np.abs(value) * f_unit[at]  # the force of a bound has the digits of its own size
         np.maximum.at(found, np.arange(frame.k)[at], off / np.maximum(1.0, frame.norms(system.f)[at] * f_unit[at]))
-    # unknowns that cancel may be as large as one likes, and hide by that no more than √ε of the data
-    data = np.where(sizes.absolute, 0.0, inverse(sizes.reach))
-    grown = system.distances(np.zeros_like(x_unit), np.where(z, 0.0, layout.D * of.spread(data)))
     found = np.maximum(found, np.minimum(grown, 1.0) ** 2)
     free = layout.curved & layout.program & (sizes.prices == 0)
     if not free.any():
@@ -164,15 +170,14 @@ def by_own_terms(terms: Vector, unit: Vector) -> Vector:
 
 
 def gap_error(system: System, layout: Layout, sizes: AnswerSizes) -> tuple[Vector, Vector]:
-    """Return the duality gap over the objective, and the rounding of its terms over the same, of each group."""
+    """Return the duality gap over the objective, and the rounding of its terms over the same, of each group; 0 of what
+    is no program."""
     frame, of, z = system.frame, layout.of, layout.z
-    if frame.signed is None:
+    if frame.signed is None or not layout.program.any():
         return np.zeros(of.count), np.zeros(of.count)
-    weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, layout.D / layout.C)
+    weight = of.spread(layout.program) & np.isfinite(sizes.x) & np.isfinite(sizes.f)
     far = np.where(z, np.maximum(sizes.x, layout.C * of.spread(sizes.reach)), sizes.x)  # 0 is not near its bounds
-    if sizes.absolute.any():
-        none = of.spread(sizes.absolute)
-        weight, far = np.where(none, 1.0, weight), np.where(none, np.inf, far)
+    far = np.where(of.spread(sizes.absolute), np.inf, far)
     gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, frame.spread(far)))))
     linear = weight * frame.block_sums(system.x * frame.signed)
     quadratic = of.sum(weight * frame.block_sums(system.x * system.f) - linear)

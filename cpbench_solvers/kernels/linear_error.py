@@ -133,6 +133,8 @@ def _sizes(problem, sizes, sums, needed, known, size):
         if known[AT_0, g]:
             price = size[CHEAPEST, g] if known[CURVED, g] else 0.0
             size[UNKNOWNS, g] = max(size[UNKNOWNS, g], size[SIDES, g], price)
+        if size[UNKNOWNS, g] == 0.0 and not problem[11]:
+            size[UNKNOWNS, g] = size[REACH, g]  # 0 is not near its bounds
         size[MULTIPLIERS, g] = max(size[MULTIPLIERS, g], size[GRADIENT, g])
         size[FEEDS, g] = max(size[FEEDS, g], size[UNKNOWNS, g])
 
@@ -160,6 +162,15 @@ def _distance(low, high, x, f, x_unit, f_unit):
     return max(below, above, 0.0)
 
 
+@helper(float64(float64, float64, float64, float64, float64, float64))
+def _defect(low, high, x, f, x_unit, f_unit):
+    """Return |x̂ − P(x̂ − f̂)|, in units."""
+    row = f * f_unit
+    below = (x - low) * x_unit if low > -np.inf else np.inf
+    above = (x - high) * x_unit if high < np.inf else -np.inf
+    return abs(max(min(row, below), above))
+
+
 @helper(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE))
 def _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size):
     """Return the largest distance of an unknown and a row from where they must be."""
@@ -174,14 +185,21 @@ def _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size):
         side = low[i] if x[i] < low[i] else high[i] if x[i] > high[i] else 0.0
         if z[i] and side != 0.0 and (abs(x[i]) + abs(side)) * x_unit[i] > SMALL:
             by_bound = max(by_bound, OWN / (abs(x[i]) + abs(side)))
-        error = _distance(low[i], high[i], x[i], f[i], by_bound, by_row)
+        if problem[11]:
+            error = _distance(low[i], high[i], x[i], f[i], by_bound, by_row)
+        else:  # without an objective that is right, a pair of two small numbers is off by the lesser
+            error = _defect(low[i], high[i], x[i], f[i], by_bound, by_row)
         if i < nu.size:  # the force of a bound has the digits of its own size
             error = max(error, abs(f[i] - nu[i]) * f_unit[i] / max(1.0, abs(f[i]) * f_unit[i]))
         grown = 0.0
-        if not (z[i] or known[ABSOLUTE, g]):
+        if size[REACH, g] > 0.0 and not known[ABSOLUTE, g]:
             # unknowns that cancel may be as large as one likes, and hide by that no more than √ε of the data
-            unit = D[i] / size[REACH, g] if size[REACH, g] > 0.0 else 0.0
-            grown = min(_distance(low[i], high[i], x[i], f[i], 0.0, unit), 1.0) ** 2
+            by_data = D[i] / size[REACH, g]
+            if not problem[11]:
+                grown = _defect(low[i], high[i], x[i], f[i], x_unit[i], by_data)
+            elif not z[i]:
+                grown = _distance(low[i], high[i], x[i], f[i], 0.0, by_data)
+        grown = min(grown, 1.0) ** 2
         if problem[11] and known[CURVED, g] and size[PRICES, g] == 0.0:
             # without prices a gradient whose terms are all below ε of what sides make of it is 0
             share = size[GRADIENT, g] / size[SIDES, g] if size[GRADIENT, g] < size[SIDES, g] else 1.0
@@ -193,13 +211,15 @@ def _distances(problem, x, f, sums, needed, x_unit, f_unit, nu, known, size):
 
 @helper(float64(LINEAR, DATA, DATA, DATA, DATA, DATA, DATA, _KNOWN, _SIZE))
 def _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size):
-    """Return the largest gap of a group over its objective."""
-    c, low, high, group, z, D, C = problem[4:11]
+    """Return the largest gap of a group over its objective; 0 of what is no program."""
+    if not problem[11]:
+        return 0.0
+    c, low, high, group, z, C = *problem[4:9], problem[10]
     sums_of, count, worst = np.zeros((5, known.shape[1])), known.shape[1], 0.0
     gap, quadratic, straight, most, terms = sums_of[0], sums_of[1], sums_of[2], sums_of[3], sums_of[4]
     for i in range(x.size):
         g = group[i]
-        weight = 1.0 if known[ABSOLUTE, g] else 0.0 if known[AIMLESS, g] else D[i] / C[i]
+        weight = 1.0 if known[ABSOLUTE, g] or not known[AIMLESS, g] else 0.0
         far = 1.0 / x_unit[i] if x_unit[i] > 0.0 else 0.0
         if z[i]:
             far = max(far, C[i] * size[REACH, g])  # an answer of 0 is not near its bounds

@@ -2,7 +2,9 @@
 
 `solved` at ε promises a problem with an exact solution within 10 ε of the data, entry by entry; the nearest is found
 by Oettli and Prager's number of the answer with some unknowns moved to their bounds. Of a program it promises an
-objective that is optimal to 10 ε of its terms: a pair of a distance and a force counts there by its product.
+objective that is optimal to 10 ε of its terms: a pair of a distance and a force counts there by its product. Rows of
+any formulation are a program's where signs of some make their matrix symmetric: its objective L is least in some
+unknowns and largest in the others, its multipliers.
 """
 
 from __future__ import annotations
@@ -145,18 +147,27 @@ def _nearest(p: Boxed, z: np.ndarray) -> float:
     return best
 
 
-def _suboptimal(p: Boxed, z: np.ndarray, solution: np.ndarray) -> float:
-    """By how much a definite program's objective is off, over the sizes of its terms, or z is outside of its bounds;
-    over 1 where that is more: data are integers."""
+def _signs(M: np.ndarray) -> np.ndarray | None:
+    """1 for unknowns and −1 for multipliers of a program, so that the rows times these are symmetric; None of no
+    program."""
+    for signs in itertools.product((1.0, -1.0), repeat=len(M)):
+        rows = np.array(signs)[:, None] * M
+        if (rows == rows.T).all():
+            return np.array(signs)
+    return None
+
+
+def _suboptimal(p: Boxed, signs: np.ndarray, answer: np.ndarray, solution: np.ndarray) -> float:
+    """By how much the objective L(z, y) = ½xᵀSKx + qᵀSx of a program is off, L(z, y*) − L(z*, y) over the sizes of the
+    terms of both, or x is outside of its bounds; over 1 where that is more: data are integers."""
     off, size = Fraction(0), Fraction(0)
-    for sign, x in ((1, _exact(z)), (-1, _exact(solution))):
-        forces = _rows(p.M / 2.0, x, p.q)
-        off += sign * sum((f * y for f, y in zip(forces[0], x, strict=True)), Fraction(0))
-        size += sum((f * abs(y) for f, y in zip(forces[1], x, strict=True)), Fraction(0))
-    outside = np.maximum(np.maximum(p.lb - z, z - p.ub), 0.0)
-    return max(
-        abs(float(off / max(size, Fraction(1)))), float(np.max(outside / np.maximum(1.0, np.abs(z)), initial=0.0))
-    )
+    for sign, own in ((1, signs > 0), (-1, signs < 0)):
+        x = _exact(np.where(own, answer, solution))
+        forces, terms = _rows(p.M / 2.0, x, p.q)
+        off += sign * sum((f * y * int(s) for f, y, s in zip(forces, x, signs, strict=True)), Fraction(0))
+        size += sum((f * abs(y) for f, y in zip(terms, x, strict=True)), Fraction(0))
+    outside = np.maximum(np.maximum(p.lb - answer, answer - p.ub), 0.0) / np.maximum(1.0, np.abs(answer))
+    return max(abs(float(off / max(size, Fraction(1)))), float(np.max(outside, initial=0.0)))
 
 
 def _targets(z: float, lb: float, ub: float) -> set[float | None]:
@@ -194,15 +205,19 @@ def _drawn(node: str, seed: int) -> tuple[Boxed, list[np.ndarray], float, np.ran
 @pytest.mark.parametrize("node", ["lcp", "mlcp", "relay", "avi", "qp"])
 def test_solved_is_near_and_far_is_not_solved(node: str, seed: int) -> None:
     p, solutions, cond, rng = _drawn(node, seed)
+    signs = _signs(p.M)
     for z in _candidates(p, solutions, rng):
         for tolerance in TOLERANCES:
             verdict = verification.judge(p.problem, p.point(z), tolerance)
             far = min((_distance(z, x) for x in solutions), default=INF)
             said = f"{node}, seed {seed}, {tolerance:g}: z = {z}, error {verdict.error:.1e}, distance {far:.1e}"
-            if far > 1e3 * tolerance * cond:
+            # where bounds hold a solution by nothing, an objective that is off by ε has unknowns that are off by √ε
+            if far > max(1e3 * tolerance * cond, 0.0 if signs is None else 10.0 * tolerance**0.5):
                 assert not verdict.solved, said
             if verdict.solved:
-                distance = _suboptimal(p, z, solutions[0]) if node == "qp" else _nearest(p, z)
+                distance = INF if node == "qp" else _nearest(p, z)
+                if signs is not None:
+                    distance = min(distance, *(_suboptimal(p, signs, z, x) for x in solutions))
                 assert distance <= 10.0 * tolerance, said
     for z in solutions:
         assert verification.judge(p.problem, p.point(z), 1e-8).solved, f"{node}, seed {seed}: exactly {z}"

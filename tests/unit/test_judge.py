@@ -299,6 +299,23 @@ def test_products_of_an_lcp_without_an_objective_count_as_they_are() -> None:
         assert found.solved is (off < 1e-6)
 
 
+@pytest.mark.parametrize("step", [1e-7, 1e-5])
+@pytest.mark.parametrize("program", [True, False])
+def test_a_pair_of_two_small_numbers_is_right_where_rows_have_an_objective(program: bool, step: float) -> None:
+    """The second pair is (0, 0) at (1, 0), and about (s, s) beside: s² by its product, s by its lesser number."""
+    M = np.array([[1.0, 1.0 if program else 0.5], [1.0, 2.0]])
+    problem = LCP(M=M, q=np.array([-1.0, -1.0]))
+    found = judge(problem, LCPPoint(z=np.array([1.0 - M[0, 1] * step, step])), 1e-6)
+    assert found.solved is (program or step < 1e-6)
+    assert program or 0.1 * step < found.error < 3.0 * step
+
+
+def test_unknowns_that_cancel_hide_no_row_without_an_objective() -> None:
+    """z₁ − z₂ ≥ 1 and 2z₂ − 2z₁ ≥ −1 have no solution; at (10¹⁰ + 1, 10¹⁰) the second is missed by 1 of its side."""
+    problem = LCP(M=np.array([[1.0, -1.0], [-2.0, 2.0]]), q=np.array([-1.0, 1.0]))
+    assert judge(problem, LCPPoint(z=np.array([1e10 + 1.0, 1e10])), 1e-6).error > 0.05
+
+
 @pytest.mark.parametrize("side", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("force", "solved"), [(0.0, True), (4e-17, True), (1e-13, True), (1e-5, False), (1e-3, False)])
 def test_forces_that_are_rounding_are_no_gradient(force: float, solved: bool, side: float) -> None:
