@@ -109,6 +109,7 @@ def sizes_of(system: System, layout: Layout, sums: Vector) -> AnswerSizes:
     if bare.any():
         far = np.where(z, frame.largest(frame.sets.sides) / C, needed)
         sides, prices = np.where(bare, least(far, far > 0), sides), np.where(bare, cheapest, prices)
+    # without an objective any multipliers will do, 1e-9 as well as 0
     aimless = constrained & ~curved & layout.program & (largest(constants, z) == 0)
     absolute = ((sides == 0) & (prices == 0)) | (aimless & (not frame.certifying))
 
@@ -176,7 +177,7 @@ def gap_error(system: System, layout: Layout, sizes: AnswerSizes) -> tuple[Vecto
     if frame.signed is None or not layout.program.any():
         return np.zeros(of.count), np.zeros(of.count)
     weight = of.spread(layout.program) & np.isfinite(sizes.x) & np.isfinite(sizes.f)
-    far = np.where(z, np.maximum(sizes.x, layout.C * of.spread(sizes.reach)), sizes.x)  # 0 is not near its bounds
+    far = np.where(z, np.maximum(sizes.x, layout.C * of.spread(sizes.reach)), sizes.x)  # 0 is not near a bound
     far = np.where(of.spread(sizes.absolute), np.inf, far)
     gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, frame.spread(far)))))
     linear = weight * frame.block_sums(system.x * frame.signed)

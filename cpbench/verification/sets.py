@@ -154,7 +154,8 @@ class ConeFactors:
         return ((self.mu > 0) & (row_norms(self._round_part(x[self.at])) >= NEAR * self.mu))[:, None]
 
     def idle(self, f: Vector) -> Flags:
-        # on the boundaries of both cones xᵀf is rounding, and its sign says nothing
+        # on the boundaries of both cones xᵀf is rounding, and its sign says nothing; a cone that decides nothing would
+        # hide a gap beside its constant
         return (f[self.at] != 0).any(axis=1)[:, None]
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:

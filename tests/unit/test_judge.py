@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from planted_nonlinear import graph
 
 from cpbench.conversions.base import make
 from cpbench.formulations import (
@@ -25,9 +26,11 @@ from cpbench.formulations import (
     QPPoint,
     Relay,
 )
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.nonlinear import NCP, Equation, EquationPoint, NCPPoint
-from cpbench.formulations.programs import NLPPoint
+from cpbench.formulations.programs import NLP, NLPPoint
+from cpbench.foundation.cones import Cone
 from cpbench.generators import generators
 from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge
@@ -335,6 +338,50 @@ def test_what_an_unknown_costs_at_its_bound_is_a_term_of_the_objective() -> None
         found = judge(program, point, 1e-6)
         assert found.error > 0.05 / price
         assert not found.solved
+
+
+def test_an_unknown_near_0_has_the_room_that_prices_give_it() -> None:
+    """min ½z₁² − z₁ + ½z₂² + 10⁷z₂ over |z₁| ≤ 1, z₂ ≥ 10⁻⁸ has z₁ = 1: at 0 the objective is ½ too large, and 0 has
+    the distance of 1 to the bound to which it is pushed, not that of 10⁻⁸, the largest unknown."""
+    program = QP.build(np.eye(2), np.array([-1.0, 1e7]), lb=[-1.0, 1e-8], ub=[1.0, np.inf])
+    z, none = np.array([-1e-9, 1e-8]), np.zeros(0)
+    assert judge(program, QPPoint(z=z, lam=none, mu=none, nu=z + program.p), 1e-6).error > 0.1
+
+
+def test_a_cone_that_decides_nothing_hides_no_gap() -> None:
+    """min ½x² with x ≥ 1, beside (10⁸, x, 0) in a cone: x = 1.5 with the price 1.5 has the objective 1.125 for 0.5."""
+    cones = {"cone_kind": [Cone.NONNEGATIVE, Cone.SECOND_ORDER], "cone_size": [1.0, 3.0], "cone_mu": [1.0, 1.0]}
+    A, b = np.array([[1.0], [0.0], [1.0], [0.0]]), np.array([-1.0, 1e8, 0.0, 0.0])
+    numbers: Any = {name: np.array(values, dtype=float) for name, values in cones.items()}
+    program = ConeQP(Q=np.eye(1), p=np.zeros(1), A=A, b=b, **numbers, cone_mu_r=np.zeros(2))
+    for x, solved in ((1.0, True), (1.5, False)):
+        answer = ConeQPPoint(x=np.array([x]), y=np.array([x, 0.0, 0.0, 0.0]))
+        assert judge(program, answer, 1e-6).solved is solved
+
+
+def test_a_derivative_that_vanishes_at_the_answer_gives_no_units() -> None:
+    """min 10¹² (z₁ − 10³)⁴ + z₂ + ½z₂² has z₂ = −1; the curvature is 10¹⁹ at the start and 10⁷ at 10³ + 10⁻³."""
+    program = NLP(f=graph(2, lambda z: 1e12 * (z[0] - 1e3) ** 4 + z[1] + 0.5 * z[1] ** 2), start=[0.0, 0.0])
+    for z2, within in ((-1.0, True), (0.0, False)):
+        answer = NLPPoint(z=np.array([1e3 + 1e-3, z2]), lam=np.zeros(0), mu=np.zeros(0), nu=np.zeros(2))
+        assert judge(program, answer, 1e-6).within is within
+
+
+def test_without_an_objective_any_multipliers_are_right() -> None:
+    """z₁ + z₂ ≥ 1 is met; the gradient has no terms but those of λ = 10⁻⁹."""
+    program = QP.build(np.zeros((2, 2)), np.zeros(2), A=np.array([[1.0, 1.0]]), b=[1.0])
+    for z, solved in ((0.5, True), (0.4, False)):
+        answer = QPPoint(z=np.full(2, z), lam=np.full(1, 1e-9), mu=np.zeros(0), nu=np.zeros(2))
+        assert judge(program, answer, 1e-6).solved is solved
+
+
+@pytest.mark.parametrize(("off", "solved"), [(1e-10, True), (1e-3, False)])
+def test_the_force_of_a_bound_has_the_digits_of_its_own_size(off: float, solved: bool) -> None:
+    """min 10⁹z₁ + ½z₂² − z₂ with z₁ ≥ 0: ν₁ is off by 0.1 of 10⁹, which nothing but its bound needs."""
+    program = QP.build(np.diag([0.0, 1.0]), np.array([1e9, -1.0]), lb=[0.0, -np.inf], C=[[1.0, -1.0]], d=[-1.0])
+    nu = np.array([1e9 * (1.0 + off), 0.0])
+    answer = QPPoint(z=np.array([0.0, 1.0]), lam=np.zeros(0), mu=np.zeros(1), nu=nu)
+    assert judge(program, answer, 1e-6).solved is solved
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e3, 1e6])
