@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -239,12 +239,3 @@ def legend_inside(axes: Axes) -> None:
     if axes.get_legend_handles_labels()[0]:
         frame: Any = {"frameon": True, "framealpha": 0.85, "edgecolor": "none", "borderpad": 0.3, "labelspacing": 0.25}
         axes.legend(loc="best", title=f"({title})", fontsize=6.5, title_fontsize=6.5, handlelength=1.8, **frame)
-
-
-def joined(parts: Sequence[str], last: str = "and") -> str:
-    """Join as `a, b and c`.
-
-    >>> joined(["a", "b", "c"])
-    'a, b and c'
-    """
-    return f" {last} ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))

@@ -26,7 +26,7 @@ from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.reduce import LARGE, ReducedFailure, data_size
 from cpbench_lab.reduction.trials import Asked
 
-PICTURES = ("lcp-cones", "contact", "sparsity")
+PICTURES = ("lcp-cones", "contact")
 """Kinds of pictures, the first that takes the problem is drawn."""
 PRINTED = 60
 """Numbers of a problem that the report shows; more stand in the file only."""
@@ -43,7 +43,7 @@ class WrittenFiles:
 
 
 def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Path) -> WrittenFiles:
-    """Write `problem.h5`, `report.md` and `problem.svg`, replacing what is there.
+    """Write `problem.h5`, `report.md` and, of contacts and of two pairs, `problem.svg`, replacing what is there.
 
     Parameters
     ----------

@@ -3,14 +3,12 @@ command line with what it cannot draw."""
 
 from __future__ import annotations
 
-import itertools
 import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from click.testing import CliRunner, Result
 from tiers import some_by_day
 
@@ -18,12 +16,10 @@ from cpbench import storage
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
 from cpbench.cli import cli
 from cpbench.errors import CpbenchError, PointError, ProblemError
-from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LCPPoint, QPPoint
+from cpbench.formulations import LCP, Contacts, FCPoint, FrictionContact, LCPPoint
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, find
-from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_lab.figures.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
-from cpbench_lab.pictures.sparsity import coarsened
 
 PICTURES = "cpbench_lab.pictures"
 PLANTED = "builtin/fc/contact-planted-3d.h5"
@@ -259,47 +255,6 @@ def test_the_plane_is_drawn_whatever_the_matrix(M: list[list[float]], q: list[fl
     ET.parse(tmp_path / "x.svg")
 
 
-# --- active sets and structure --------------------------------------------------------------------------------------
-
-
-def test_active_set_of_an_lcp_with_every_case() -> None:
-    problem = LCP(M=np.eye(5), q=np.array([-1.0, 1.0, 0.0, 1.0, -3.0]))
-    (pairs,) = active_set(problem, LCPPoint(np.array([1.0, 0.0, 0.0, 2.0, 1.0])))
-    assert pairs.side.tolist() == ["first", "second", "neither", "both", "negative"]
-    assert sum(pairs.count(side) for side in ActiveSide) == 5
-
-
-def test_active_set_of_a_box_has_both_bounds() -> None:
-    """min ½‖z − (−2, 0.5, 3)‖² over 0 ≤ z ≤ 1: lower, between, upper."""
-    problem = QP.build(np.eye(3), np.array([2.0, -0.5, -3.0]), lb=np.zeros(3), ub=np.ones(3))
-    point = QPPoint(z=np.array([0.0, 0.5, 1.0]), lam=np.zeros(0), mu=np.zeros(0), nu=np.array([2.0, 0.0, -2.0]))
-    assert problem.residuals(point).error < 1e-15
-    lower, upper = active_set(problem, point)
-    assert (lower.second, upper.second) == ("z − lb", "ub − z")
-    assert lower.side.tolist() == ["first", "second", "second"]
-    assert upper.side.tolist() == ["second", "second", "first"]
-
-
-def test_cells_keep_the_largest_entry(rng: np.random.Generator) -> None:
-    M = rng.standard_normal((57, 41)) * (rng.random((57, 41)) < 0.1)
-    for cells in (7, 20, 100):
-        made = coarsened(sp.csr_array(M), cells, 3)
-        assert max(made.largest.shape) <= cells
-        assert made.step == 1 or made.step % 3 == 0
-        for i, j in itertools.product(*map(range, made.largest.shape)):
-            block = M[i * made.step : (i + 1) * made.step, j * made.step : (j + 1) * made.step]
-            assert made.largest[i, j] == np.abs(block).max()
-
-
-def test_structure_has_a_panel_a_matrix_in_its_place() -> None:
-    problem, _ = builtin("mlcp/mlcp-planted.h5::monotone-40-60")
-    figure = drawn("sparsity", problem).figure
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles == ["$A$  40 × 40", "$C$  40 × 60", "$D$  60 × 40", "$B$  60 × 60"]
-    shades = figure.axes[0].images[0].get_array()
-    np.testing.assert_array_equal(np.asarray(shades) == 1.0, np.asarray(problem.A) == 0)
-
-
 # --- the command ----------------------------------------------------------------------------------------------------
 
 
@@ -314,8 +269,8 @@ def test_structure_has_a_panel_a_matrix_in_its_place() -> None:
             (("cone", "-p", "contact=3"), "there is no contact 3; there are 1"),
             (("cone", "-p", "facets=5"), "opposite pairs"),
             (("cone", "--answer", "r.npy"), "give its FILE too"),
-            (("sparsity", f"{PLANTED}::one-open", "--answer", "r.npy"), "sparsity shows none"),
-            (("sparsity", f"{PLANTED}::one-open", "--node", "lcp"), "--node: a figure of problems"),
+            (("lcp-cones", "builtin/lcp/lcp-classics.h5::murty-10", "--answer", "r.npy"), "lcp-cones shows none"),
+            (("contact", f"{PLANTED}::one-open", "--node", "lcp"), "--node: a figure of problems"),
             (("cone", "-p", "sides=3"), "unknown parameter of cone, in -p NAME=VALUE 'sides'"),
             (("cone", "-p", "contact=first"), "'first' is not a valid integer"),
             (("contact",), "Missing argument 'FILE'"),
@@ -324,10 +279,6 @@ def test_structure_has_a_panel_a_matrix_in_its_place() -> None:
             (("contact", "builtin/lcp/lcp-planted.h5::spd-20"), "has no contacts"),
             (("lcp-cones", "builtin/lcp/lcp-classics.h5::murty-10"), "n = 2, this lcp has n = 10"),
             (("lcp-cones", f"{PLANTED}::one-open"), "this is fc"),
-            (("active-set", "builtin/lcp/american-put.h5::american-put-100"), "give an answer with --answer FILE"),
-            (("active-set", f"{PLANTED}::one-open"), "not of fc"),
-            (("active-set", "builtin/lcp/lcp-planted.h5::spd-20", "-p", "tolerance=2"), "between 0 and 1"),
-            (("sparsity",), "Missing argument 'FILE'"),
         ],
         8,
     ),

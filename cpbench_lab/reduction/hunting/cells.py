@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
-from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_lab.reduction.numbers import OPERATORS, ROUNDING
 from cpbench_lab.reduction.reduce import unknowns
 
@@ -19,6 +17,10 @@ AXES = ("size", "conditioning", "rank", "units", "friction", "degeneracy")
 """Facts of a cell, in their order."""
 DECADES = 3
 """Powers of ten of a step of conditioning, units and friction."""
+PAIRED = {"lcp": "z", "ncp": "z", "mlcp": "v"}
+"""The unknowns that are complementary to w, by formulation."""
+ZERO = 1e-6
+"""Share of the largest up to which a number of a pair is 0."""
 
 
 def cell(problem: Problem, solution: Any = None) -> Cell:
@@ -47,12 +49,9 @@ def _decades(values: Any) -> int:
 
 
 def _degenerate(problem: Problem, solution: Any) -> int:
-    """Return the share of pairs that are both 0 at a solution, in quarters."""
-    if solution is None:
+    """Return the share of pairs z ⟂ w that are both 0 at a solution, beside the largest, in quarters."""
+    if solution is None or problem.node not in PAIRED:
         return 0
-    try:
-        found = active_set(problem, solution, 1e-6)
-    except CpbenchError:  # a formulation without pairs of numbers
-        return 0
-    both = sum(pairs.count(ActiveSide.NEITHER) for pairs in found)
-    return 4 * both // max(sum(pairs.x.size for pairs in found), 1)
+    z, w = solution.arrays()[PAIRED[problem.node]], problem.slacks(solution)["w"]
+    zero = (np.abs(z) <= ZERO * matrices.max_abs(z)) & (np.abs(w) <= ZERO * matrices.max_abs(w))
+    return 4 * int(zero.sum()) // max(z.size, 1)
