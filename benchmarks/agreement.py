@@ -24,7 +24,8 @@ import numpy as np
 import cpbench
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import catalogue
-from cpbench.verification import judge_by_all
+from cpbench.verification import judge
+from cpbench_lab.published import all_measures
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "truth"))
 import kept_answers
@@ -92,7 +93,7 @@ def main() -> None:
     named: dict[tuple[str, str, float, str], list[tuple[str, str, float, float]]] = defaultdict(list)
     for name, problem, found in collected(given.cache, given.folders, given.seconds, given.budget):
         for (label, point), tolerance in itertools.product(found, JUDGED):
-            verdict, rows = judge_by_all(problem, point, tolerance)
+            verdict, rows = judge(problem, point, tolerance), all_measures(problem, point, tolerance)
             whose: dict[str, float] = {}
             for row in rows:
                 owner = row.source.partition(" (")[0]

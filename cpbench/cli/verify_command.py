@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,6 +20,7 @@ from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.programs import NLP, Convexity
+from cpbench.foundation import extensions
 from cpbench.generators.collection import address_text
 from cpbench.proofs import prove
 from cpbench.proofs.polyhedra import objective
@@ -74,11 +76,10 @@ def command(
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
         given = stored[0]
     point, completed = multipliers.whole(loaded, given, tolerance)
+    verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
     if all_measures:
-        verdict, measures = verification.judge_by_all(loaded, point, tolerance, measure)
-        lines = _table(measures, tolerance)
+        lines = _table(extensions.hook("all_measures")(loaded, point, tolerance), tolerance)
     else:
-        verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
         lines = judged_lines(verdict)
     verdict = multipliers.marked(verdict) if completed else verdict
     error = number(verdict.error) if measure else verification.error_text(verdict.error)
@@ -93,7 +94,7 @@ def command(
         sys.exit(1)
 
 
-def _table(measures: Sequence[verification.PublishedMeasure], tolerance: float) -> Iterator[str]:
+def _table(measures: Sequence[Any], tolerance: float) -> Iterator[str]:
     """Yield a line for each measure, then the sources; `-` stands where a measure has no tolerance."""
     if not measures:
         return

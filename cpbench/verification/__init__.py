@@ -1,6 +1,6 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.published import BESIDE, PublishedMeasure, beside
+from cpbench.verification.published import BESIDE, beside
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
     CONTRADICTION,
@@ -19,7 +19,6 @@ from cpbench.verification.verdict import (
     Verdict,
     error_text,
     judge,
-    judge_by_all,
     measured,
     no_answer,
 )
@@ -36,13 +35,11 @@ __all__ = [
     "REFUSED",
     "TARGET_UNRESOLVABLE",
     "VERIFIED",
-    "PublishedMeasure",
     "Status",
     "Verdict",
     "beside",
     "error_text",
     "judge",
-    "judge_by_all",
     "measured",
     "no_answer",
     "status",

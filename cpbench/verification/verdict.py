@@ -14,11 +14,12 @@ import cpbench.verification.conic_systems  # pyright: ignore[reportUnusedImport]
 import cpbench.verification.contact_systems  # pyright: ignore[reportUnusedImport]
 import cpbench.verification.systems  # noqa: F401  # pyright: ignore[reportUnusedImport]
 from cpbench.errors import UnknownName
-from cpbench.formulations.base import Problem, Residuals
+from cpbench.formulations.base import Problem
+from cpbench.foundation import extensions
 from cpbench.verification.contacts import ContactAnswer, contact_error
 from cpbench.verification.linear import linear_error
 from cpbench.verification.nonlinear import row_errors
-from cpbench.verification.published import PublishedMeasure, all_measures, named, published
+from cpbench.verification.published import named
 from cpbench.verification.rows import ROWS, AnswerError
 
 DIRECTION_DEGREES = 5.0
@@ -74,54 +75,37 @@ def error_text(error: float) -> str:
     return f"{error:.3g}" if error <= 1.0 or not math.isfinite(error) else "above 1"
 
 
+@np.errstate(all="ignore")
 def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = None) -> Verdict:
     """Measure `point` on `problem`; raises PointError when it is not an answer to it.
 
     The backward error decides (`error_of`). With `measure`, a published number does: one of the
-    verdict's parts (`natural`, `siconos_mlcp`, `fclib2018`, ...), or of `cpbench.verification.published`
+    verdict's parts (`natural`, `siconos_mlcp`, `fclib2018`, ...), or of those that the hook `all_measures` gives
     (`path_fischer`, `osqp_primal`, ...).
     """
-    return _judged(problem, point, tolerance, measure)[0]
-
-
-def judge_by_all(
-    problem: Problem, point: Any, tolerance: float, measure: str | None = None
-) -> tuple[Verdict, list[PublishedMeasure]]:
-    """Return the verdict of `judge`, and the answer under every measure of its formulation; with NaN or ∞ under
-    none."""
-    verdict, residuals = _judged(problem, point, tolerance, measure)
-    if residuals is None:
-        return verdict, []
-    known = {**residuals.parts, **residuals.measured}
-    backward = {**verdict.judged, **verdict.parts}["backward"]
-    return verdict, all_measures(problem, point, backward, residuals.measured, known)
-
-
-@np.errstate(all="ignore")
-def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None) -> tuple[Verdict, Residuals | None]:
     problem.check_point(point)
     if not point.finite:
-        return Verdict(tolerance, False, math.inf, flags=("not finite",)), None
+        return Verdict(tolerance, False, math.inf, flags=("not finite",))
     residuals = problem.residuals(point, tolerance)
     parts = {**residuals.parts, **residuals.measured}
     flags = [flag for flag in residuals.flags if flag != "absolute"]
-    found = error_of(problem, point)
+    answer = error_of(problem, point)
     if measure is not None:
         if measure not in named(parts) and measure != "backward":
-            parts |= {row.name: row.value for row in published(problem, point)}
-        error = measured(parts, measure, found.error)
-        parts["backward"] = found.error
+            parts |= {row.name: row.value for row in extensions.hook("all_measures")(problem, point, tolerance)}
+        error = measured(parts, measure, answer.error)
+        parts["backward"] = answer.error
     else:
-        error = found.error
-        if found.absolute:
+        error = answer.error
+        if answer.absolute:
             flags.append("absolute")
-        ill_posed = bool(found.ill_posed.any())
-        if ill_posed or found.hidden(error, found.floor, tolerance):
+        ill_posed = bool(answer.ill_posed.any())
+        if ill_posed or answer.hidden(error, answer.floor, tolerance):
             flags += ["unresolvable", "ill-posed"] if ill_posed else ["unresolvable"]
     within = error <= tolerance and "unresolvable" not in flags
     if within and any(parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
         flags.append("direction")
-    return Verdict(tolerance, within, error, {measure or "backward": error}, parts, tuple(flags)), residuals
+    return Verdict(tolerance, within, error, {measure or "backward": error}, parts, tuple(flags))
 
 
 def measured(parts: Mapping[str, float], name: str, backward: float) -> float:

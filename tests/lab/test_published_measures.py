@@ -35,8 +35,11 @@ from cpbench.formulations import (
 from cpbench.formulations.expressions.recording import recorded
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing.cases import cases
-from cpbench.verification import judge, judge_by_all, published
-from cpbench.verification.published import BESIDE, FAMILIES, SOURCES, beside, conic, path_norms
+from cpbench.verification import BESIDE, beside, judge
+from cpbench.verification.published import clarabel as clarabels
+from cpbench.verification.published import conic
+from cpbench_lab import published
+from cpbench_lab.published import FAMILIES, SOURCES, all_measures, path_norms
 
 inf = np.inf
 FORCE = 2.0
@@ -115,7 +118,7 @@ def test_planted_solutions_measure_zero(node: str) -> None:
     """To rounding of the products of the largest numbers of the data and of the answer: the measures have units."""
     sources = {family.source for family in FAMILIES}
     for case in cases(node):
-        theirs = [row for row in judge_by_all(case.problem, case.point, 1e-6)[1] if row.source in sources]
+        theirs = [row for row in all_measures(case.problem, case.point, 1e-6) if row.source in sources]
         assert theirs or not case.problem.K.conical  # of disks none
         size = _largest(case.problem.data()) * _largest(case.point.arrays())
         for row in theirs:
@@ -137,7 +140,7 @@ POINT = QPPoint(z=[0.25, 0.5], lam=[0.125], mu=[], nu=[0.5, 0.0])
 
 def rows_of(problem: Any, point: Any) -> dict[str, float]:
     """Every measure of an answer by name."""
-    return {row.name: row.value for row in judge_by_all(problem, point, 1e-6)[1]}
+    return {row.name: row.value for row in all_measures(problem, point, 1e-6)}
 
 
 def test_osqp_by_exact_arithmetic() -> None:
@@ -200,7 +203,7 @@ def test_clarabel_by_what_it_reports(iterations: int) -> None:
     cones = [clarabel.ZeroConeT(1), clarabel.NonnegativeConeT(1), *2 * [clarabel.SecondOrderConeT(3)]]
     found = clarabel.DefaultSolver(P, q, A, b, cones, settings).solve()
     point = ConeQPPoint(found.x, np.array(found.z)[back])
-    ours = published.clarabel(replace(conic(problem, point), s=np.array(found.s)[back]))
+    ours = clarabels(replace(conic(problem, point), s=np.array(found.s)[back]))
     gap = abs(found.obj_val - found.obj_val_dual) / max(1.0, min(abs(found.obj_val), abs(found.obj_val_dual)))
     assert tuple(ours.values()) == pytest.approx((found.r_prim, found.r_dual, gap), rel=1e-6, abs=1e-13)
     assert found.r_dual > 1e-9
