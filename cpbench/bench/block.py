@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from cpbench.bench.events import EventHandler, Solving, ignore_event
@@ -16,7 +16,6 @@ from cpbench.bench.messages import Prepared
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
-from cpbench.storage.base import SEPARATOR, split_address
 
 Ending: TypeAlias = tuple[str, bytes | None]
 """Status and kept answer of a row."""
@@ -59,20 +58,6 @@ class Block:
         count = max(count, 1)
         first, others = self.pairs[:count], self.pairs[count:]
         return self._only(first, self.known), self._only(others, self.known) if others else None
-
-    def moved(self, place: Callable[[str], str]) -> Block:
-        """Return the block with its problems' files at other places."""
-
-        def moved(pair: Pair) -> Pair:
-            file, member = split_address(pair.address)
-            return replace(pair, address=SEPARATOR.join(filter(None, (place(str(file)), member))))
-
-        new = {pair.key: moved(pair) for pair in (*self.pairs, *self.before.values())}
-        return Block(  # the key of a step has the name of its folder, so that keys change too
-            tuple(new[pair.key] for pair in self.pairs),
-            {new[key].key: new[pair.key] for key, pair in self.before.items()},
-            {new[key].key: ending for key, ending in self.known.items()},
-        )
 
     def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
         keys = {pair.key for pair in pairs}

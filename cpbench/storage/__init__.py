@@ -3,11 +3,10 @@
 from cpbench.storage.answers import guesses, load_answer, save_answer, save_point, solution
 from cpbench.storage.arrays import read_array, read_matrix, read_vector
 from cpbench.storage.base import Format, formats
-from cpbench.storage.dispatch import files, load, members, problem_files, save, save_pack
+from cpbench.storage.dispatch import load, members, problem_files, save, save_pack
 
 __all__ = [
     "Format",
-    "files",
     "formats",
     "guesses",
     "load",

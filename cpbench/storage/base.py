@@ -73,10 +73,6 @@ class Format(ABC):
         """Return the names of the problems in the file; [""] when the file is one problem."""
         return [""]
 
-    def beside(self, path: Path) -> list[Path]:
-        """Return the other files that a problem in `path` is read from."""
-        return []
-
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
         """Return the bytes of a file that holds `problem`; raises FormatError where the format cannot hold it."""
         raise FormatError(

@@ -45,12 +45,6 @@ def members(path: str | Path, format: str | None = None) -> list[str]:
     return _format(file, format).members(file)
 
 
-def files(path: str | Path, format: str | None = None) -> list[Path]:
-    """Return all files that the problem at `path` is read from, the one that is named first. Raises FormatError."""
-    file, _ = split_address(path)
-    return [file, *_format(file, format).beside(file)]
-
-
 def save(
     problem: Problem,
     path: str | Path,

@@ -36,10 +36,6 @@ class TextLCP(Format):
             )
         return build(path, LCP, "", name=stem(path), M=M, q=q)
 
-    def beside(self, path: Path) -> list[Path]:
-        partner = vector_file(path)
-        return [partner] if partner is not None else []
-
 
 def vector_file(path: Path) -> Path | None:
     """Return the file of q that belongs to the file of M; None when the name has no '-M'.
