@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
-from cpbench_lab.certificates.holding import HoldAnswer, balance_of, held
+from cpbench_lab.certifying import require_flint
 from cpbench_lab.sweeping import with_value
 
-Decide: TypeAlias = Callable[[float], HoldAnswer]
-_At: TypeAlias = tuple[float, HoldAnswer]
+if TYPE_CHECKING:
+    from cpbench_lab.certificates.holding import HoldAnswer
+
+Decide: TypeAlias = "Callable[[float], HoldAnswer]"
+_At: TypeAlias = "tuple[float, HoldAnswer]"
 STEPS = 20
 """Doublings of 1 after which the search for the end of an interval stops."""
 PARTS = (0.5, 0.4, 0.6)
@@ -85,7 +88,8 @@ def hold_limit(problem: Problem, load: Vector | None = None, width: float = 1e-6
     problem : fc, or gfc with w = 0 and b = 0. load : what the factor multiplies, added to f (n,) of gfc or q (m,) of
         fc; None: the friction is sought. width : of the interval, over its upper end.
 
-    Raises ProblemError on another problem or load, CpbenchError where no value holds, or all do.
+    Raises ProblemError on another problem or load, CpbenchError where no value holds, or all do, and without
+    python-flint.
 
     >>> import cpbench, numpy
     >>> block = cpbench.FrictionContact(W=numpy.eye(2), q=[-4.0, 3.0], mu=[0.5], dimension=2)
@@ -93,6 +97,9 @@ def hold_limit(problem: Problem, load: Vector | None = None, width: float = 1e-6
     >>> round(limit.holding, 5), limit.at_holding.proved, limit.at_moving.proved
     (0.75, True, True)
     """
+    require_flint()
+    from cpbench_lab.certificates.holding import balance_of, held
+
     balance = balance_of(problem)
     if load is None:
         return _least_friction(lambda value: held(balance_of(with_value(problem, "mu", value))), width)

@@ -1,9 +1,8 @@
-"""Proofs that a problem has no solution, or that its objective has no lower bound, exact in rational arithmetic.
+"""Proofs that a problem has no solution, or that its objective has no lower bound, to rounding and with a margin.
 
-Data are doubles, hence rationals. A solver's certificate, or the answer of a linear program, is a hint: it is rounded,
-projected exactly on the equalities that it meets to rounding, and what comes out is checked on the problem that was
-asked. What holds there without any tolerance, and for all numbers within the tolerance of those of the file
-(`margins`), is a proof. What the file's rounding decides is not.
+A solver's certificate, or the answer of a linear program, is checked on the problem that was asked. What holds there
+for all numbers within the tolerance of those of the file (`margins`) is a proof, beside which rounding is nothing; what
+the file's own rounding decides is none.
 """
 
 from __future__ import annotations
@@ -11,41 +10,42 @@ from __future__ import annotations
 import json
 import time
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from fractions import Fraction
 from importlib import import_module
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.proofs import hints
-from cpbench.proofs.exact_vectors import exact_multipliers, exact_point
-from cpbench.proofs.margins import contradiction, falling, optimality, rounded_down
+from cpbench.proofs.margins import contradiction, falling, optimality
 from cpbench.proofs.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
 """Time for the search of one proof [s]."""
 TOLERANCE = 1e-6
 """Share of themselves by which the numbers of a problem may change where none is given."""
-_Vector: TypeAlias = tuple[Fraction, ...]
-_ZERO = Fraction(0)
+NEARLY = (1e-9, 1e-12, 1e-6)
+"""What is this small among the terms it is made of may be meant to be 0."""
+LARGEST = 1500
+"""Rows and unknowns of the largest sums that are made 0."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Infeasible:
     """Proof that no point meets the problem's linear conditions: multipliers (Farkas)."""
 
     kind: ClassVar[str] = "infeasible"
-    statement: ClassVar[str] = "the conditions add up to 0 ≥ γ with γ > 0, in rational arithmetic"
+    statement: ClassVar[str] = "the conditions add up to 0 ≥ γ with γ > 0"
     narrow: ClassVar[str] = "the numbers in the file contradict each other by {share} of their size"
-    multipliers: _Vector
+    multipliers: Vector
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unbounded:
     """Proof that the objective falls for ever: a point that meets all constraints, and a ray from it that never leaves.
 
@@ -53,10 +53,10 @@ class Unbounded:
     """
 
     kind: ClassVar[str] = "unbounded"
-    statement: ClassVar[str] = "from a feasible point the objective falls along a ray for ever, in rational arithmetic"
+    statement: ClassVar[str] = "from a feasible point the objective falls along a ray for ever"
     narrow: ClassVar[str] = "along a ray the objective falls by {share} of its terms"
-    point: _Vector
-    ray: _Vector
+    point: Vector
+    ray: Vector
 
 
 Proof: TypeAlias = Infeasible | Unbounded
@@ -68,7 +68,7 @@ class ProofAttempt:
     """A proof, or none, and what is known then.
 
     `margin` : the largest share of themselves that all numbers may change while a contradiction or a ray remains one,
-    of the best that was found; 0 without any. It is below the tolerance where there is no proof.
+    of the best that was tried; 0 without any. It is below the tolerance where there is no proof.
     """
 
     proof: Proof | None
@@ -77,22 +77,21 @@ class ProofAttempt:
 
 
 def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
-    """Test whether the proof is one of every problem within the tolerance of this one, in exact arithmetic and by
-    nothing but its numbers."""
+    """Test whether the proof is one of every problem within the tolerance of this one, by nothing but its numbers."""
     known, goal = conditions(problem), objective(problem)
     if isinstance(proof, Infeasible):
-        return known is not None and contradiction(known, proof.multipliers) > Fraction(tolerance)
+        return known is not None and contradiction(known, proof.multipliers) > tolerance
     if known is None or goal is None or not known.contains(proof.point):
         return False
-    return falling(known, goal, optimality(known, goal), proof.ray) > Fraction(tolerance)
+    return falling(known, goal, optimality(known, goal), proof.ray) > tolerance
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
-    """Return whether a solver's certificate, rounded and projected, proves that no problem within the tolerance of this
-    one has a solution (`margins`)."""
+    """Return whether a solver's certificate proves that no problem within the tolerance of this one has a solution
+    (`margins`)."""
     known = conditions(problem)
     given = multipliers(problem, certificate)
-    return known is not None and bool(_infeasible(known, given, time.perf_counter() + SECONDS, tolerance).proof)
+    return known is not None and bool(_infeasible(known, given, tolerance).proof)
 
 
 def prove(
@@ -109,77 +108,90 @@ def prove(
     """
     known, goal = conditions(problem), objective(problem)
     if known is None or (kind == Unbounded.kind and goal is None):
-        return ProofAttempt(None, f"{kind} was claimed; no exact proof of that is known for {problem.node}")
+        return ProofAttempt(None, f"{kind} was claimed; no proof of that is known for {problem.node}")
     import_module("scipy.optimize")  # takes a second once, which is no part of the search
     deadline = time.perf_counter() + seconds
     if goal is not None and kind == Unbounded.kind:
         return _unbounded(known, goal, deadline, tolerance)
     vectors = chain(multipliers(problem, certificate), hints.multipliers(known, deadline))
-    return _infeasible(known, vectors, deadline, tolerance)
+    return _infeasible(known, vectors, tolerance)
 
 
 def packed(proof: Proof) -> bytes:
-    """Return the proof as bytes: its vectors as fractions of hexadecimal integers, compressed JSON."""
-    vectors = {f.name: [f"{v.numerator:x}/{v.denominator:x}" for v in getattr(proof, f.name)] for f in fields(proof)}
-    return zlib.compress(json.dumps(vectors).encode())
+    """Return the proof as bytes: its vectors as compressed JSON, which keeps every digit."""
+    return zlib.compress(json.dumps({f.name: getattr(proof, f.name).tolist() for f in fields(proof)}).encode())
 
 
 def unpacked(kind: str, data: bytes) -> Proof:
     """Return the proof that `packed` wrote; raises ValueError where the bytes are none."""
     try:
         vectors: Any = json.loads(zlib.decompress(data))
-        pairs = {name: [text.split("/") for text in part] for name, part in vectors.items()}
-        return _KINDS[kind](**{name: tuple(Fraction(int(a, 16), int(b, 16)) for a, b in pairs[name]) for name in pairs})
-    except (zlib.error, KeyError, TypeError, ValueError, AttributeError, ZeroDivisionError) as cause:
+        return _KINDS[kind](**{name: np.array(part, dtype=np.float64) for name, part in vectors.items()})
+    except (zlib.error, KeyError, TypeError, ValueError, AttributeError) as cause:
         raise ValueError(f"no proof of kind {kind!r} ({type(cause).__name__}: {cause})") from None
 
 
-def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, tolerance: float) -> ProofAttempt:
-    """Return the first proof among the vectors, or the largest radius that they prove."""
-    radius, best = _ZERO, _ZERO
-    for vector in vectors:
-        for y in exact_multipliers(known, vector, deadline):
-            gamma, excess, _ = known.combined(y) or (_ZERO, _ZERO, _ZERO)
-            if excess:
-                radius = max(radius, gamma / excess)
-            best = max(best, contradiction(known, y))
-            if best > Fraction(tolerance):
-                return _proved(Infeasible(tuple(y)), best)
-    if best > 0:
+def _infeasible(known: Polyhedron, vectors: Iterable[Vector], tolerance: float) -> ProofAttempt:
+    """Return the first proof among the vectors, or the largest margin."""
+    best = 0.0
+    for y in chain.from_iterable(_settled(known, vector) for vector in vectors):
+        best = max(best, contradiction(known, y))
+        if best > tolerance:
+            return _proved(Infeasible(y), best)
+    if best > 0.0:
         return _narrow(Infeasible, best, tolerance)
-    if radius == 0:
-        return ProofAttempt(None, "infeasible was claimed; no certificate of it holds in exact arithmetic")
-    far = f"‖{known.unknowns}‖∞ < {rounded_down(radius):.1e}"
-    return ProofAttempt(None, f"infeasible was claimed; what is proved exactly: no solution with {far}")
+    return ProofAttempt(None, "infeasible was claimed; no certificate of it holds beyond rounding")
+
+
+def _settled(P: Polyhedron, vector: Vector) -> Iterator[Vector]:
+    """Yield multipliers with the signs that they need, and with the sums made 0 that they nearly leave of unknowns
+    without a bound, by least squares."""
+    m = P.h.size
+    y = np.append(np.where(np.isneginf(P.h), 0.0, np.maximum(vector[:m], 0.0)), vector[m:])
+    yield y
+    rows: Any = sp.vstack([sp.csr_array(P.G), sp.csr_array(P.E)], format="csr")
+    for rounding in NEARLY:
+        sums, terms = rows.T @ y, abs(rows).T @ np.abs(y)
+        free = np.isneginf(P.lb) & np.isposinf(P.ub)
+        unbounded = np.isneginf(P.lb) | np.isposinf(P.ub)
+        level = np.flatnonzero((terms > 0.0) & unbounded & (free | (np.abs(sums) <= rounding * terms)))
+        support = np.flatnonzero(np.abs(y) > rounding * float(np.abs(y).max(initial=0.0)))
+        if not 0 < max(level.size, support.size) <= LARGEST:
+            return
+        block = rows[support][:, level].T.toarray() / terms[level][:, None]
+        settled = np.zeros_like(y)
+        settled[support] = y[support]
+        for _ in range(2):
+            settled[support] -= np.linalg.lstsq(block, block @ settled[support], rcond=None)[0]
+        settled[:m] = np.maximum(settled[:m], 0.0)
+        yield settled
 
 
 def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: float) -> ProofAttempt:
     """Return the first proof among the rays of the hints."""
     if bool((np.isfinite(known.lb) & np.isfinite(known.ub)).all()):
         return ProofAttempt(None, "unbounded was claimed; all unknowns are bounded")
-    inside, best = hints.interior_point(known, deadline), _ZERO
-    point = None if inside is None else exact_point(known, inside, deadline)
-    if point is None:
-        return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
-    optimal, cone = optimality(known, goal), known.recession
-    flat = (exact_multipliers(optimal, vector, deadline) for vector in hints.multipliers(optimal, deadline))
-    curved = (exact_point(cone, ray / np.abs(ray).max(), deadline) for ray in hints.rays(known, goal, deadline))
-    for ray in chain(chain.from_iterable(flat), filter(None, curved)):
+    inside, best = hints.interior_point(known, deadline), 0.0
+    point = None if inside is None else np.clip(inside, known.lb, known.ub)
+    if point is None or not known.contains(point):
+        return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints")
+    optimal = optimality(known, goal)
+    curved = (ray / np.abs(ray).max() for ray in hints.rays(known, goal, deadline))
+    flat = chain.from_iterable(_settled(optimal, ray) for ray in hints.multipliers(optimal, deadline))
+    for ray in chain(flat, curved):
         best = max(best, falling(known, goal, optimal, ray))
-        if best > Fraction(tolerance):
-            return _proved(Unbounded(tuple(point), tuple(ray)), best)
-    if best > 0:
+        if best > tolerance:
+            return _proved(Unbounded(point, ray), best)
+    if best > 0.0:
         return _narrow(Unbounded, best, tolerance)
-    return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
+    return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls")
 
 
-def _proved(proof: Proof, margin: Fraction) -> ProofAttempt:
-    share = rounded_down(margin)
-    return ProofAttempt(proof, f"proved: {proof.statement}; margin {share:.2g}", share)
+def _proved(proof: Proof, margin: float) -> ProofAttempt:
+    return ProofAttempt(proof, f"proved: {proof.statement}; margin {margin:.2g}", margin)
 
 
-def _narrow(kind: type[Infeasible] | type[Unbounded], margin: Fraction, tolerance: float) -> ProofAttempt:
+def _narrow(kind: type[Infeasible] | type[Unbounded], margin: float, tolerance: float) -> ProofAttempt:
     """Return what the numbers of the file say, and changes of them below the tolerance do not."""
-    share = rounded_down(margin)
-    told = kind.narrow.format(share=f"{share:.1e}")
-    return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", share)
+    told = kind.narrow.format(share=f"{margin:.1e}")
+    return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", margin)

@@ -2,7 +2,8 @@
 
 A proof at t is one of every problem whose entries differ from those of the file by at most t of themselves, and whose
 sides and bounds by at most t of themselves and t of the size of their part (`part_sizes`). So what is rounding beside
-the sides around it decides nothing, however exact the sum: 0·z ≥ 7e-18 is no contradiction beside a side of 100.
+the sides around it decides nothing, however exact the sum: 0·z ≥ 7e-18 is no contradiction beside a side of 100. What
+doubles round in these sums is taken off: far less than a tolerance, so that nothing need be exact.
 
 Entries that are 0 stay 0. Where unknowns have no bound, x₁ − x₂ = 1 and x₁ − x₂ = 0 have a solution of size 1/t nearby:
 the statement is therefore that no such problem has one within reach. It is about an interval linear system
@@ -12,10 +13,7 @@ the statement is therefore that no such problem has one within reach. It is abou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from decimal import ROUND_DOWN, Context, Decimal
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -23,18 +21,38 @@ import scipy.sparse as sp
 
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench.proofs.exact_linear import Exact, dot
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.proofs.polyhedra import Objective, Polyhedron
 
-_ZERO = Fraction(0)
+EPS = float(np.finfo(np.float64).eps)
 
 
-def contradiction(P: Polyhedron, y: Sequence[Fraction]) -> Fraction:
-    """Return the least t at which conditions that y = (λ of Gx ≥ h, μ of Ex = f) adds up to 0 ≥ γ > 0, exactly, need
-    not contradict each other; 0 where they do not now."""
-    gamma, excess, change = P.combined(y) or (_ZERO, _ZERO, _ZERO)
-    return gamma / change if gamma > 0 and not excess else _ZERO
+def contradiction(P: Polyhedron, y: Vector) -> float:
+    """Return the least t at which the conditions that y = (λ of Gx ≥ h, μ of Ex = f) adds up need not contradict each
+    other; 0 where they do not now, to rounding, or where λ has the wrong signs.
+
+    With ν = −Gᵀλ − Eᵀμ every x within has 0 ≥ hᵀλ + fᵀμ + νᵀx. A bound that goes with the sign of ν_j replaces x_j,
+    which adds up to γ; where none does, ν_j has to be 0 to rounding. In problems within t γ changes by δ·t at most:
+    with b the sides and bounds that go with (y, ν) and s their sizes, δ = Σ|y_i|(|b_i| + s_i) + Σ|ν_j|(|b_j| + s_j)
+    + (|λ|ᵀ|G| + |μ|ᵀ|E|)R.
+    """
+    m = P.h.size
+    if y.shape != (m + P.f.size,) or not np.isfinite(y).all() or (y[:m] < 0.0).any() or y[:m][np.isneginf(P.h)].any():
+        return 0.0
+    used, sides = np.abs(y), np.where(y != 0.0, np.concatenate([P.h, P.f]), 0.0)
+    with np.errstate(all="ignore"):
+        nu = -(P.G.T @ y[:m]) - P.E.T @ y[m:]
+        terms = abs(P.G).T @ used[:m] + abs(P.E).T @ used[m:]
+        bound = np.where(nu > 0.0, P.lb, P.ub)
+        bounded, rounding = np.isfinite(bound), (y.size + nu.size) * EPS
+        if (np.abs(nu) > (np.count_nonzero(y) + 2) * EPS * terms)[~bounded].any():
+            return 0.0
+        bound, nu = np.where(bounded, bound, 0.0), np.where(bounded, nu, 0.0)
+        gamma = sides @ y + bound @ nu - rounding * (np.abs(sides) @ used + np.abs(bound) @ terms)
+        room = np.abs(bound) + P.sizes.unknowns
+        change = used @ (np.abs(sides) + P.sizes.rows) + np.abs(nu) @ room + terms @ P.sizes.reach
+        margin = gamma / change
+    return float(margin) if np.isfinite(margin) and margin > 0.0 else 0.0
 
 
 def optimality(P: Polyhedron, goal: Objective) -> Polyhedron:
@@ -53,7 +71,7 @@ def optimality(P: Polyhedron, goal: Objective) -> Polyhedron:
     equalities: Any = sp.hstack([matrices.sparse(goal.Q), priced], format="csr")
     prices = _equalities(priced, -goal.p, lb).sizes
     whole = _equalities(equalities, -goal.p, np.concatenate([np.full(n, -np.inf), lb]))
-    ends = ((own.unknowns, own.reach) for own in (P.sizes, prices))
+    ends = ((sizes.unknowns, sizes.reach) for sizes in (P.sizes, prices))
     return replace(whole, known_sizes=Sizes(prices.rows, *(np.concatenate(pair) for pair in zip(*ends, strict=True))))
 
 
@@ -61,23 +79,17 @@ def _equalities(E: Any, f: Vector, lb: Vector) -> Polyhedron:
     return Polyhedron(sp.csr_array((0, lb.size)), np.zeros(0), E, f, lb, np.full(lb.size, np.inf))
 
 
-def falling(P: Polyhedron, goal: Objective, optimal: Polyhedron, ray: Sequence[Fraction]) -> Fraction:
+def falling(P: Polyhedron, goal: Objective, optimal: Polyhedron, ray: Vector) -> float:
     """Return the least t at which the objective need not fall for ever along a ray d from a feasible point; 0 where it
     does not now, where the ray leaves P, or where rounding decides (dᵀQd = 0, and Qd is not).
 
-    The statement proved at t is that no problem within t has a stationary point within reach (`optimal`), or, where
-    that is not so, that all have dᵀQd < 0. That the point is feasible, and that a curved d never leaves, is proved of
-    the file's own numbers: near a problem whose equations depend on each other, infeasible ones may be.
+    The statement at t is that no problem within t has a stationary point within reach (`optimal`), or, where that is
+    not so, that all have dᵀQd < 0. That the point is feasible, and that a curved d never leaves, is so of the file's
+    own numbers: near a problem whose equations depend on each other, infeasible ones may be.
     """
     flat = contradiction(optimal, ray)
-    if flat > 0 or not P.recession.contains(ray):
+    if flat > 0.0 or not P.recession.contains(ray):
         return flat
-    Q, sizes = Exact.of(goal.Q), [abs(v) for v in ray]
-    curvature, terms = dot(ray, Q.times(ray)), dot(sizes, Q.absolute().times(sizes))
-    return -curvature / terms if curvature < 0 else _ZERO
-
-
-def rounded_down(x: Fraction) -> float:
-    """Return two digits of a positive number, less than it."""
-    less = x * Fraction(9999, 10000)
-    return float(Context(prec=2, rounding=ROUND_DOWN).divide(Decimal(less.numerator), Decimal(less.denominator)))
+    terms = float(np.abs(ray) @ (abs(goal.Q) @ np.abs(ray)))
+    curvature = float(ray @ (goal.Q @ ray)) + 2 * ray.size * EPS * terms
+    return -curvature / terms if curvature < 0.0 else 0.0

@@ -1,11 +1,8 @@
-"""The linear conditions that every solution of a problem meets, and exact sums over them."""
+"""The linear conditions that every solution of a problem meets."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -19,11 +16,11 @@ from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.proofs.exact_linear import Exact, dot, rationals
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.verification.sets import INFINITE
 
-_ZERO = Fraction(0)
+ROUNDING = 1e-9
+"""Share of the terms of a condition by which a point may miss it: the accuracy of linear programs, and no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +43,6 @@ class Polyhedron:
     known_sizes: Sizes | None = None
 
     @cached_property
-    def exact(self) -> tuple[Exact, Exact]:
-        """G and E as integers."""
-        return Exact.of(self.G), Exact.of(self.E)
-
-    @cached_property
     def sizes(self) -> Sizes:
         """Sizes of (Gx ≥ h, Ex = f) and of x."""
         if self.known_sizes is not None:
@@ -61,15 +53,20 @@ class Polyhedron:
         high = np.concatenate([np.full(self.h.size, np.inf), *(side for _, side in equal), self.ub])
         return Sizes.of(rows, low, high, self.h.size + self.f.size)
 
-    def contains(self, x: Sequence[Fraction]) -> bool:
-        """Return whether x meets every condition exactly."""
-        rows, equalities = self.exact
-        return (
-            len(x) == self.lb.size
-            and all(a >= b for a, b in zip(rows.times(x), self.h.tolist(), strict=True))
-            and all(a == b for a, b in zip(equalities.times(x), self.f.tolist(), strict=True))
-            and all(a <= b <= c for a, b, c in zip(self.lb.tolist(), x, self.ub.tolist(), strict=True))
-        )
+    def contains(self, x: Vector) -> bool:
+        """Return whether x meets every condition to rounding (ROUNDING of its terms)."""
+        if x.shape != self.lb.shape or not np.isfinite(x).all():
+            return False
+        with np.errstate(invalid="ignore"):
+            over, off = self.G @ x - self.h, np.abs(self.E @ x - self.f)
+            small = ROUNDING * np.abs(x)
+            return bool(
+                (
+                    over >= -ROUNDING * (abs(self.G) @ np.abs(x) + np.where(np.isfinite(self.h), np.abs(self.h), 0.0))
+                ).all()
+                and (off <= ROUNDING * (abs(self.E) @ np.abs(x) + np.abs(self.f))).all()
+                and ((x >= self.lb - small) & (x <= self.ub + small)).all()
+            )
 
     @property
     def recession(self) -> Polyhedron:
@@ -77,34 +74,6 @@ class Polyhedron:
         sides = (np.where(np.isfinite(side), 0.0, side) for side in (self.h, self.f, self.lb, self.ub))
         h, f, lb, ub = sides
         return replace(self, h=h, f=f, lb=lb, ub=ub, further=None)
-
-    def combined(self, y: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction] | None:
-        """Return γ, ε and δ with γ ≤ ε‖x‖∞ for every x within, by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
-
-        With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ; where a bound goes with the sign of ν_j it replaces x_j, which adds up to
-        γ, and ε is the sum of the other |ν_j|. By δ·t γ may change in problems within t (`margins`): with b the sides
-        and bounds that go with (y, ν), s their sizes and R the reach, δ = Σ|y_i|(|b_i| + s_i) + Σ|ν_j|(|b_j| + s_j) +
-        (|λ|ᵀ|G| + |μ|ᵀ|E|)R. None where y is no such vector: λ ≥ 0, and 0 at infinite sides.
-        """
-        m = self.h.size
-        if len(y) != m + self.f.size:
-            return None
-        if any(v < 0 or (v and b == -math.inf) for v, b in zip(y[:m], self.h.tolist(), strict=True)):
-            return None
-        parts = list(zip(self.exact, (y[:m], y[m:]), strict=True))
-        nu = [-a - b for a, b in zip(*(matrix.transposed_times(part) for matrix, part in parts), strict=True)]
-        bounds = [low if v > 0 else high for v, low, high in zip(nu, self.lb.tolist(), self.ub.tolist(), strict=True)]
-        gamma = excess = change = _ZERO
-        sides, sizes = [*self.h.tolist(), *self.f.tolist(), *bounds], [*self.sizes.rows, *self.sizes.unknowns]
-        for v, side, size in zip([*y, *nu], sides, sizes, strict=True):
-            if v and math.isinf(side):
-                excess += abs(v)
-            elif v:
-                gamma += v * Fraction(side)
-                change += abs(v) * (abs(Fraction(side)) + Fraction(size))
-        far = rationals(self.sizes.reach)
-        change += sum(dot([abs(v) for v in part], matrix.absolute().times(far)) for matrix, part in parts)
-        return gamma, excess, change
 
 
 @dataclass(frozen=True, eq=False)

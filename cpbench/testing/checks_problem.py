@@ -60,7 +60,7 @@ def check_what_is_known_holds(collection: Collection, cases: list[Case]) -> None
 
 
 def _proved(instance: Instance) -> bool:
-    """Return whether the certificate proves that there is no solution, in rational arithmetic."""
+    """Return whether the certificate proves that there is no solution."""
     if instance.known == "infeasible":
         return certified_infeasible(instance.problem, instance.certificate)
     return prove(instance.problem, instance.known, instance.certificate).proof is not None

@@ -37,10 +37,10 @@ class Status(StrEnum):
     UNRESOLVABLE = "unresolvable"
     """Rounding decides whether the answer meets the tolerance."""
     INFEASIBLE = "infeasible"
-    """No solution exists: proved in exact arithmetic on the problem that was asked, and of all problems within the
-    tolerance of it (`margins`)."""
+    """No solution exists: proved on the problem that was asked, and of all problems within the tolerance of it
+    (`margins`)."""
     UNBOUNDED = "unbounded"
-    """The objective has no lower bound: a feasible point and a ray prove it, in exact arithmetic and with a margin."""
+    """The objective has no lower bound: a feasible point and a ray prove it, with a margin."""
     FAILED = "failed"
     """The solver gave up and said so, or claims what nothing proves: also where the rounding of the data decides."""
     MAX_ITER = "max_iter"

@@ -25,6 +25,8 @@ from cpbench.foundation.matrices import Sparse, Vector
 
 PRIME = 2**61 - 1
 """A Mersenne prime: a matrix of integers loses rank modulo it only by a rare accident, which a proof then lacks."""
+LARGEST = 1500
+"""Rows, or columns, of the largest system that `solve_near` solves."""
 Index = NDArray[np.int64]
 
 
@@ -146,6 +148,26 @@ def solve(K: ExactRows, rows: Index, columns: Index, right: Sequence[Any]) -> li
     except ZeroDivisionError:
         return None
     return [x * _power(-e) for x, e in zip(found, column_units, strict=True)]
+
+
+def solve_near(K: Sparse, right: Sequence[Any], near: Vector) -> list[Any] | None:
+    """Return an exact solution of K x = right of which as many components as possible are those of `near`, rounded to
+    24 binary digits; None where there is none, or K is too large."""
+    if max(K.shape) > LARGEST:
+        return None
+    fraction, exponent = np.frexp(near)
+    x = [rational(value) for value in np.ldexp(np.round(np.ldexp(fraction, 24)), exponent - 24).tolist()]
+    exact = ExactRows.of(K)
+    if exact.products(x) == list(right):
+        return x
+    rows, columns = regular_part(exact, np.arange(K.shape[0]), np.arange(K.shape[1]), near)
+    for j in columns.tolist():
+        x[j] = fmpq(0)
+    needed = [right[i] - value for i, value in zip(rows.tolist(), exact.products(x, rows.tolist()), strict=True)]
+    part = solve(exact, rows, columns, needed)
+    for j, value in zip(columns.tolist(), part or (), strict=part is not None):
+        x[j] = value
+    return x if exact.products(x) == list(right) else None
 
 
 def regular_part(K: ExactRows, rows: Index, columns: Index, near: Vector) -> tuple[Index, Index]:

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
+from flint import fmpq
+from numpy.typing import NDArray
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
@@ -25,7 +26,7 @@ from cpbench.formulations.global_contact import GlobalFrictionContact
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench.proofs.exact_linear import Exact, Rationals, dot, rationals, solve
+from cpbench_lab.certificates.exact_rows import ExactRows, rational, solve_near
 from cpbench_lab.certificates.hold_programs import (
     CLOSE,
     Balance,
@@ -37,6 +38,7 @@ from cpbench_lab.certificates.hold_programs import (
     with_most_margin,
 )
 
+Rationals: TypeAlias = list[Any]
 ROUNDS = 40
 """The most linear programs with more and more cuts."""
 
@@ -76,7 +78,7 @@ def balance_of(problem: Problem) -> Balance:
 def held(balance: Balance) -> HoldAnswer:
     """Return whether forces hold the load, with a proof where one is found."""
     if not balance.f.any():
-        return HoldAnswer(True, True, [Fraction(0)] * balance.A.shape[1])
+        return HoldAnswer(True, True, [fmpq(0)] * balance.A.shape[1])
     units, row, column = scaled(balance)
     cuts = [directions(balance.d, 8 if mu > 0.0 else 0) for mu in balance.mu.tolist()]
     for _ in range(ROUNDS):
@@ -97,9 +99,13 @@ def held(balance: Balance) -> HoldAnswer:
 def _confirmed(balance: Balance, x: Vector, clear: bool) -> HoldAnswer:
     """Return that forces near x hold the load, where some are exact; not decided where neither they nor the margin are
     clear."""
-    exact = _near(balance.A, [-value for value in rationals(balance.f)], x)
-    if exact is not None and forces_hold(balance, exact):
-        return HoldAnswer(True, True, exact)
+    used = _with_force(balance)
+    part = _near(sp.csr_array(balance.A)[:, used], [-value for value in rationals(balance.f)], x[used])
+    if part is not None:
+        values = iter(part)
+        exact = [next(values) if at else fmpq(0) for at in used.tolist()]
+        if forces_hold(balance, exact):
+            return HoldAnswer(True, True, exact)
     return HoldAnswer(True if clear else None)
 
 
@@ -123,11 +129,9 @@ def _refuted(balance: Balance, units: Balance, v: Vector, row: Vector, clear: bo
 
 def _unreachable(balance: Balance) -> HoldAnswer:
     """Return that no forces at all balance the load, with a motion that proves it; not decided where there is none."""
-    normal = np.arange(balance.rows) % balance.d == 0
-    used = np.append(normal | np.repeat(balance.mu > 0.0, balance.d), np.ones(balance.A.shape[1] - balance.rows, bool))
-    A = balance.A.toarray()[:, used]
+    A = balance.A.toarray()[:, _with_force(balance)]
     rest = balance.f - A @ np.linalg.lstsq(A, balance.f, rcond=None)[0]
-    motion = _near(A.T, [Fraction(0)] * A.shape[1], rest)
+    motion = _near(A.T, [fmpq(0)] * A.shape[1], rest)
     return (
         HoldAnswer(False, True, motion=motion)
         if motion is not None and motion_gains(balance, motion)
@@ -135,25 +139,32 @@ def _unreachable(balance: Balance) -> HoldAnswer:
     )
 
 
+def _with_force(balance: Balance) -> NDArray[np.bool_]:
+    """Return which unknowns may be other than 0: all but tangential forces without friction."""
+    normal = np.arange(balance.rows) % balance.d == 0
+    return np.append(normal | np.repeat(balance.mu > 0.0, balance.d), np.ones(balance.A.shape[1] - balance.rows, bool))
+
+
 def _of_joints(balance: Balance, v: Vector) -> Rationals | None:
     """Return v as rationals, changed so that it moves no joint."""
     joints = sp.csr_array(balance.A.T[balance.rows :])
     if not joints.shape[0]:
         return rationals(v)
-    return _near(joints, [Fraction(0)] * joints.shape[0], v)
+    return _near(joints, [fmpq(0)] * joints.shape[0], v)
 
 
 def _near(A: Any, right: Rationals, x: Vector) -> Rationals | None:
     """Return an exact solution of A x = right that is as near to x as rounding allows; None where there is none."""
     start = rationals(x)
-    rest = [b - a for a, b in zip(Exact.of(A).times(start), right, strict=True)]
-    change = solve(A, rest, np.zeros(x.size))
+    K = sp.csr_array(A)
+    rest = [b - a for a, b in zip(ExactRows.of(K).products(start), right, strict=True)]
+    change = solve_near(K, rest, np.zeros(x.size))
     return None if change is None else [a + b for a, b in zip(start, change, strict=True)]
 
 
-def forces_hold(balance: Balance, r: Sequence[Fraction]) -> bool:
+def forces_hold(balance: Balance, r: Sequence[Any]) -> bool:
     """Return whether exact forces balance the load, each in its cone."""
-    total = Exact.of(balance.A).times(r)
+    total = ExactRows.of(sp.csr_array(balance.A)).products(r)
     if any(a + b for a, b in zip(total, rationals(balance.f), strict=True)):
         return False
     for c, mu in enumerate(rationals(balance.mu)):
@@ -163,11 +174,11 @@ def forces_hold(balance: Balance, r: Sequence[Fraction]) -> bool:
     return True
 
 
-def motion_gains(balance: Balance, v: Sequence[Fraction]) -> bool:
+def motion_gains(balance: Balance, v: Sequence[Any]) -> bool:
     """Return whether the load gains by an exact motion that no force in its cone is against."""
     if dot(rationals(balance.f), v) <= 0:
         return False
-    u = Exact.of(balance.A).transposed_times(v)
+    u = ExactRows.of(sp.csr_array(balance.A.T)).products(v)
     if any(u[balance.rows :]):
         return False
     for c, mu in enumerate(rationals(balance.mu)):
@@ -175,3 +186,13 @@ def motion_gains(balance: Balance, v: Sequence[Fraction]) -> bool:
         if normal < 0 or mu**2 * dot(tangential, tangential) > normal**2:
             return False
     return True
+
+
+def rationals(x: Vector) -> Rationals:
+    """Return the doubles of a finite vector as they are."""
+    return [rational(value) for value in x.tolist()]
+
+
+def dot(x: Sequence[Any], y: Sequence[Any]) -> Any:
+    """Return Σ xᵢ yᵢ."""
+    return sum((a * b for a, b in zip(x, y, strict=True)), fmpq(0))

@@ -97,7 +97,7 @@ def test_a_saddle_is_stationary_and_no_success(tmp_path: Path) -> None:
 def test_a_program_that_curves_down_for_ever_is_unbounded(tmp_path: Path) -> None:
     """0 is stationary, whatever a solver says of it; over a box there is a least value."""
     found = cpbench.certify(FALLING)
-    assert (found.level, bool(found), found.margin) == ("unbounded", True, 0.99)
+    assert (found.level, bool(found), found.margin) == ("unbounded", True, pytest.approx(0.99))
     for problem, status in ((FALLING, Status.UNBOUNDED), (SADDLE, Status.STATIONARY)):
         judged = judge_answer(
             problem, problem, 0, problem.point_from_vector(np.zeros(4)).arrays(), tolerance=1e-6, claim="solved",

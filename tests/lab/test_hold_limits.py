@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import cpbench as command
+from flint import fmpq
 
 import cpbench
 from cpbench.errors import CpbenchError, ProblemError
@@ -20,7 +21,7 @@ from cpbench_lab.certificates.hold_programs import Balance
 from cpbench_lab.certificates.holding import balance_of, forces_hold, held, motion_gains
 from cpbench_lab.hold_limits import hold_limit
 
-Rationals = Sequence[Fraction]
+Rationals = Sequence[Any]
 
 
 def capstan(pegs: int, angle: float, mu: float, arcs: bool) -> tuple[GlobalFrictionContact, Any]:
@@ -59,6 +60,7 @@ def block(force: Sequence[float], mu: float = 0.5) -> GlobalFrictionContact:
 
 def checked(problem: Any, f: Any, mu: Any, proof: Rationals, holds: bool) -> bool:
     """A proof by its definition, with matrices of fractions: no code of cpbench."""
+    proof = [Fraction(str(value)) for value in proof]
     A = [[Fraction(value) for value in row] for row in np.asarray(problem.H if problem.node == "gfc" else problem.W)]
     load = [Fraction(float(value)) for value in f]
     d = problem.dimension
@@ -134,7 +136,7 @@ def test_false_forces_are_no_proof(wrong: str) -> None:
     assert forces_hold(balance, forces)
     changed = list(forces)
     if wrong == "sum":
-        changed[0] += Fraction(1, 10**30)
+        changed[0] += fmpq(1, 10**30)
     elif wrong == "cone":
         balance = balance_of(block([3.0, 0.0, -4.0], mu=0.74))
     else:
@@ -149,7 +151,7 @@ def test_false_motions_are_no_proof(wrong: str) -> None:
     assert motion_gains(balance, motion)
     changed = list(motion)
     if wrong == "gain":
-        changed = [Fraction(0)] * 6
+        changed = [fmpq(0)] * 6
     elif wrong == "cone":
         balance = balance_of(block([3.0, 0.0, -4.0], mu=0.76))
     else:

@@ -35,7 +35,7 @@ def _proof(case: FailedTrial, kind: type[Proof]) -> Proof | None:
 
 
 def infeasible(case: FailedTrial) -> Cause | None:
-    """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
+    """Look for multipliers that contradict the problem's linear conditions (Farkas)."""
     proof = _proof(case, Infeasible)
     if proof is None:
         return None
@@ -44,14 +44,14 @@ def infeasible(case: FailedTrial) -> Cause | None:
     evidence = f"no point meets its linear conditions: {counted(rows.size, 'row')} ({named}) contradict each other"
     return Cause(
         kind="infeasible",
-        evidence=f"{evidence}, proved in rational arithmetic",
+        evidence=f"{evidence}, by a margin that rounding does not reach",
         numbers={"rows": rows.size},
         proved=True,
     )
 
 
 def unbounded(case: FailedTrial) -> Cause | None:
-    """Look for a feasible point and a ray along which the objective falls for ever, in rational arithmetic."""
+    """Look for a feasible point and a ray along which the objective falls for ever."""
     proof = _proof(case, Unbounded)
     if proof is None:
         return None
@@ -59,7 +59,7 @@ def unbounded(case: FailedTrial) -> Cause | None:
     evidence = f"from a feasible point the objective falls for ever along a ray of {counted(moving, 'unknown')}"
     return Cause(
         kind="unbounded",
-        evidence=f"{evidence}, proved in rational arithmetic",
+        evidence=f"{evidence}, by a margin that rounding does not reach",
         numbers={"unknowns": moving},
         proved=True,
     )
