@@ -21,9 +21,8 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from types import ModuleType
     from typing import Any
 
-    from cpbench.api.modelled import Modelled as Modelled
-    from cpbench.api.modelled import from_cvxpy as from_cvxpy
     from cpbench.api.problems import Converted as Converted
+    from cpbench.api.problems import Modelled as Modelled
     from cpbench.api.problems import convert as convert
     from cpbench.api.problems import explain as explain
     from cpbench.api.problems import load as load
@@ -61,8 +60,7 @@ _HOMES = {
     "Solution": "api.solution",
     "solve_many": "api.solving_many",
     "Solutions": "api.solving_many",
-    "from_cvxpy": "api.modelled",
-    "Modelled": "api.modelled",
+    "Modelled": "api.problems",
     "convert": "api.problems",
     "Converted": "api.problems",
     "explain": "api.problems",

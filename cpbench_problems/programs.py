@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.api.modelled import Modelled
+from cpbench.api.problems import Modelled
 from cpbench.errors import ProblemError
+from cpbench_problems import cvxpy_program
 from cpbench_problems.applications import (
     boxed_problem,
     columns_of,
@@ -21,6 +22,24 @@ from cpbench_problems.applications import (
 from cpbench_problems.formats.array_forms import QPSOLVERS
 from cpbench_problems.formats.array_problems import build_problem, choose
 from cpbench_problems.formats.named_arrays import shapes_of
+
+
+def from_cvxpy(problem: Any, *, name: str = "") -> Modelled:
+    """Return a `cvxpy.Problem` as a QP, or as a coneqp where it has second-order cones, by CVXPY's own conversion.
+
+    `lift` returns the value of each variable of the problem, by variable, and does not change the variables.
+
+    Raises ProblemError where it has integers, exponential, power or semidefinite cones, is not convex by CVXPY's rules
+    or has a parameter without a value; Unavailable without CVXPY.
+
+    >>> import cpbench, cvxpy
+    >>> x = cvxpy.Variable(2)
+    >>> model = cpbench.from_cvxpy(cvxpy.Problem(cvxpy.Minimize(cvxpy.sum(x)), [cvxpy.norm(x) <= 5, x[0] == 3]))
+    >>> model.problem.node, model.lift(cpbench.solve(model.problem))[x].round(5).tolist()
+    ('coneqp', [3.0, -4.0])
+    """
+    made, back = cvxpy_program.converted(problem, name)
+    return Modelled(made, back)
 
 
 def from_qpsolvers(problem: Any, *, name: str = "") -> Modelled:

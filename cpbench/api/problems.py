@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -213,3 +213,34 @@ def point_of(problem: Problem, answer: Solution | Point | Sequence[float]) -> An
     point = answer if isinstance(answer, Point) else problem.point_from_vector(answer)
     problem.check_point(point)
     return point
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Modelled:
+    """A problem that was made of a model, and the way back to the unknowns of the model.
+
+    Attributes
+    ----------
+    problem : the problem, for all functions that take one. back : makes the unknowns of the model of a point.
+    """
+
+    problem: Problem
+    back: Callable[[Any], Any]
+
+    def lift(self, answer: Solution | Point | Sequence[float]) -> Any:
+        """Return the unknowns of the model from an answer to `problem`, as the function that made it says.
+
+        Parameters
+        ----------
+        answer : a solution, a point, or a vector of the unknowns with or without multipliers.
+
+        Raises PointError where it is not an answer to `problem`.
+        """
+        given = answer if isinstance(answer, Solution | Point) else primal_of(self.problem, answer)
+        if isinstance(given, Primal):
+            zero = self.problem.zero_point().arrays()
+            return self.back(self.problem.point_type(**{**zero, given.name: given.values}))
+        return self.back(point_of(self.problem, answer))
+
+    def __repr__(self) -> str:
+        return f"Modelled as {self.problem}"

@@ -27,8 +27,8 @@ LARGEST = 1000
 
 
 def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
-    """Vectors (λ, μ) that combine the conditions to a contradiction, to rounding: that of the largest margin, and one
-    with signs that rounding leaves."""
+    """Yield the vector (λ, μ) of the largest margin that combines the conditions to a contradiction, where there is
+    one."""
     S, row, column = _scaled(P)
     n, m, k, far = S.lb.size, S.h.size, S.f.size, P.sizes.reach / column
     unit, every = sp.eye_array(n, format="csr"), np.concatenate([S.h, S.f, -S.f, S.lb, -S.ub])
@@ -46,15 +46,6 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     if vertex is None or not gain @ vertex > 0.0:
         return
     yield row * (rows @ vertex)
-    # the same with half of it, and every ν of an unknown with one bound as far from 0 as the last one can be
-    single = np.flatnonzero(np.concatenate([np.zeros(m + 2 * k), np.isinf(S.ub), np.isinf(S.lb)])[used])
-    away = sp.hstack([-sp.eye_array(used.size, format="csr")[single], np.ones((single.size, 1))])
-    limits = sp.vstack([away, np.append(cost, 0.0)[None, :], np.append(-gain, 0.0)[None, :]], format="csr")
-    sides = np.concatenate([np.zeros(single.size), [most, -0.5 * float(gain @ vertex)]])
-    last = np.append(np.zeros(used.size), -1.0)
-    inside = _least(last, limits, sides, sp.hstack([balance, np.zeros((n, 1))]), still, (0.0, most), deadline)
-    if inside is not None and inside[-1] > 0.0:
-        yield row * (rows @ inside[:-1])
 
 
 def interior_point(P: Polyhedron, deadline: float) -> Vector | None:

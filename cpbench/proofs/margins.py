@@ -1,7 +1,7 @@
 """How far the numbers of a problem may change before a proof about it fails.
 
 A proof at t is one of every problem whose entries differ from those of the file by at most t of themselves, and whose
-sides and bounds by at most t of themselves and t of the size of their part (`part_sizes`). So what is rounding beside
+sides and bounds by at most t of themselves and t of the size of their part (`Sizes`). So what is rounding beside
 the sides around it decides nothing, however exact the sum: 0·z ≥ 7e-18 is no contradiction beside a side of 100. What
 doubles round in these sums is taken off: far less than a tolerance, so that nothing need be exact.
 
@@ -21,8 +21,7 @@ import scipy.sparse as sp
 
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench.proofs.part_sizes import Sizes
-from cpbench.proofs.polyhedra import Objective, Polyhedron
+from cpbench.proofs.polyhedra import Objective, Polyhedron, Sizes
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -19,8 +19,7 @@ from cpbench import proofs
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.proofs.margins import contradiction, falling, optimality
-from cpbench.proofs.part_sizes import Sizes
-from cpbench.proofs.polyhedra import Polyhedron
+from cpbench.proofs.polyhedra import Polyhedron, Sizes
 from cpbench_lab.certificates.certificate import INFEASIBLE, TOLERANCE, UNBOUNDED, Certificate
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest, rational, solve_near
 

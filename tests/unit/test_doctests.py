@@ -14,7 +14,7 @@ MODULES = sorted(
 )
 """Modules with examples. They are found in the text: importing all of them only to look takes minutes."""
 BY_NATIVE_SOLVERS = {
-    "cpbench", "cpbench.api.modelled", "cpbench.api.problems", "cpbench.api.runs", "cpbench_problems.programs",
+    "cpbench", "cpbench.api.problems", "cpbench.api.runs", "cpbench_problems.programs",
     "cpbench_problems.simulators",
     "cpbench.api.solution", "cpbench.api.solver_list", "cpbench.api.solving", "cpbench.api.solving_many",
     "cpbench.bench.planning.grids",

@@ -155,6 +155,7 @@ ALLOWED_TO_PROBLEMS = {
     "scenes": DATA | {"graph", "generators", "api"},
     "simulators.py": BASE | {"formulations"},
     "applications.py": BASE | {"formulations"},
+    "cvxpy_program.py": BASE | {"formulations", "storage"},
     "programs.py": BASE | {"api"},
     "recorder.py": BASE | {"formulations", "storage"},
     "pack_command.py": DATA | {"cli"},
