@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import gc
 import hashlib
-import importlib.metadata
+import importlib
 import importlib.util
 import os
 import pkgutil
@@ -61,8 +61,8 @@ class Compiler:
         """Return what other kernels call."""
         from numba import njit
 
-        options = {"error_model": "numpy", "fastmath": set(fast), "inline": "always" if inline else "never"}
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        options: dict[str, Any] = {"error_model": "numpy", "fastmath": set(fast)}
+        options |= {"inline": "always" if inline else "never", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         return njit([signature.text for signature in signatures] or None, **options)(function)
 
 
@@ -74,7 +74,7 @@ def compile_library(package: str, level: str, number: int) -> None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pycc is to be replaced some day: pyproject.toml bounds Numba's version
-        from numba.pycc import CC
+        from numba.pycc.cc import CC
     library = CC(f"{kernels.LIBRARY}_{level}_{number}", package)
     library.output_dir, library.target_cpu = str(folder_of(package)), MODELS[level]
     with tempfile.TemporaryDirectory() as folder:
@@ -108,7 +108,7 @@ def _optimise_once() -> None:
             whole(library)
 
     def without_lock() -> Any:
-        flags = Flags()
+        flags: Any = Flags()
         flags.release_gil = True
         return flags
 

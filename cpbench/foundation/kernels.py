@@ -153,7 +153,7 @@ def level() -> str:
 
     if machine().lower() not in ("x86_64", "amd64"):
         return "generic"
-    features: dict[str, bool] = np._core._multiarray_umath.__cpu_features__
+    features: dict[str, bool] = importlib.import_module("numpy._core._multiarray_umath").__cpu_features__
     fast = features.get("X86_V3", all(features.get(name) for name in ("AVX2", "FMA3", "F16C")))
     return "v3" if fast else "v2"
 

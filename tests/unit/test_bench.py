@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -11,22 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import planted
 import pytest
 from tiers import some_by_day
 
-from cpbench import graph, storage
+from cpbench import storage
 from cpbench.bench import messages, shared_problem
 from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
-from cpbench.bench.problem_cache import ProblemCache, TimedConversions
+from cpbench.bench.problem_cache import ProblemCache
 from cpbench.bench.referee import Referee
 from cpbench.bench.results.store import Store
 from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
-from cpbench.conversions.base import make
 from cpbench.errors import UnknownName
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
 from cpbench.foundation import frames
@@ -316,29 +313,6 @@ def test_a_worker_never_meets_a_dead_referees_file(slot: Slot, tmp_path: Path) -
     second = slot.prepare(pairs[1])
     assert second.path != first.path
     assert slot.run(pairs[1], second).status == "solved"
-
-
-def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
-    """The first conversion in a process that loads a kernel is done twice, and the second time counts."""
-    edge, problem = make("lcp-avi"), planted.lcp(np.random.default_rng(0), 3)[0]
-    real, done = type(edge).apply, []
-
-    def first_slow(self, p):
-        if not done:
-            sys.modules["cpbench.conversions.kernels.first_use"] = sys
-            time.sleep(0.2)
-        done.append(p)
-        return real(self, p)
-
-    monkeypatch.setattr(type(edge), "apply", first_slow)
-    charged = TimedConversions()
-    try:
-        converted = charged(edge, problem)
-    finally:
-        sys.modules.pop("cpbench.conversions.kernels.first_use", None)
-    assert len(done) == 2
-    assert charged.seconds(problem, graph.Route((edge,))) < 0.1
-    assert converted.node == "avi"
 
 
 RESULT = {"claim": "solved", "answered": True, "message": "", "counters": {}, "setup": 0.1}
