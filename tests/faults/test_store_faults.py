@@ -21,10 +21,11 @@ from pathlib import Path
 import command_line
 import numpy as np
 import pytest
+from synthetic_results import pair
 
 from cpbench import storage
 from cpbench.bench.planning import plan
-from cpbench.bench.planning.plan import Entry, Pair, Request
+from cpbench.bench.planning.plan import Entry, Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store, read_results
 from cpbench.bench.slot import Slot
@@ -32,21 +33,6 @@ from cpbench.errors import StoreError
 from cpbench.formulations import LCP
 
 ROW = {"status": "solved", "error": 1e-9, "message": "", "solve": 1e-3}
-
-
-def pair(number: int) -> Pair:
-    return Pair(
-        address=f"p{number}.h5",
-        problem=f"p{number}",
-        fingerprint=f"{number:032x}",
-        node="lcp",
-        family="",
-        sizes={"n": 3},
-        request=Request("exact"),
-        entry=Entry("lemke"),
-        target="lcp",
-        tolerance=1e-6,
-    )
 
 
 PLANNED = [pair(i) for i in range(200)]

@@ -12,8 +12,17 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.bench.planning.plan import Entry, Pair, exact
 from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store
+
+
+def pair(number: int = 0, solver: str = "lemke", **given: Any) -> Pair:
+    """A planned pair of a solver and the LCP of that number; what is given is taken as it is."""
+    name = f"p{number}"
+    base = {"address": f"{name}.h5", "problem": name, "fingerprint": f"{number:032x}", "node": "lcp", "family": ""}
+    base |= {"sizes": {"n": 3}, "request": exact(), "entry": Entry(solver), "target": "lcp", "tolerance": 1e-6}
+    return Pair(**(base | given))
 
 
 def row(problem: str, label: str, status: str, solve: float = math.nan, **given: Any) -> dict[str, Any]:

@@ -16,9 +16,10 @@ import pytest
 from command_line import cpbench
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
+from synthetic_results import pair as planned
 
 import cpbench as cp
-from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.planning.plan import Limits
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.report.templating import Table
@@ -39,6 +40,12 @@ TEXTS = (
     "<?php x ?>",
     "&lt;b&gt;",
 )
+MARKS = (
+    *("a|b", "`x`", "``", "*b* _i_", "[l](http://x)", "![i](x)", "a\nb", "$x$", "\\|", "# h", "~~s~~", "\x1b[31m"),
+    *("|", "_under", "é漢"),
+)
+"""Texts that would be something else than text, though no HTML."""
+MARKED = f"a|`*b*`[l](http://x)_i_{SCRIPT}"
 FEED = "first\nsecond"
 """A name over two lines."""
 
@@ -75,16 +82,19 @@ class _Tags(HTMLParser):
             )
 
 
-@pytest.mark.parametrize("text", TEXTS)
+@pytest.mark.parametrize("text", TEXTS + MARKS)
 def test_pieces_of_markdown_are_text(text: str) -> None:
-    """Running text, code spans, cells of both, and code blocks; a text in running text is shown as it is."""
+    """Running text, code spans, cells of both, and code blocks; each shows the text, and a table keeps its cells."""
     table = Table.of({"a": "text", "b": "code"}, [[text, text]]).markdown
     pieces = [plain(text), code(text), table, fenced(text.split("\n"))]
     assert _html("\n\n".join(pieces)) == []
-    shown = MarkdownIt("commonmark").render(plain(text))
-    parser = _Shown()
-    parser.feed(shown)
-    assert parser.text.split() == text.split()
+    words = "".join(letter if letter.isprintable() else " " for letter in text).split()
+    for piece in pieces[:2]:
+        parser = _Shown()
+        parser.feed(MarkdownIt("commonmark").render(f"x {piece} y"))
+        assert parser.text.split() == ["x", *words, "y"]
+    cells = [token for token in MarkdownIt("commonmark").enable("table").parse(table) if token.type == "inline"]
+    assert len(cells) == 4
 
 
 class _Shown(HTMLParser):
@@ -116,12 +126,11 @@ def _problem(folder: Path, name: str) -> str:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of two solvers on problems whose names, files and messages have markup in them, and a copy without."""
     place = tmp_path_factory.mktemp("markup")
-    for name, script, feed in (("r", SCRIPT, FEED), ("plain", "tag", "first second")):
+    for name, script, feed in (("r", MARKED, FEED), ("plain", "tag", "first second")):
         pairs = [
-            Pair(
-                address=f"f{script}{feed}{k}.h5".replace("/", "_"), problem=f"{script}{feed} {k}", family=script,
-                fingerprint=f"{k:064x}", node="lcp", sizes={"n": 2}, request=Request("exact"), entry=Entry(label),
-                target="lcp", tolerance=1e-6, limits=Limits(5.0, 2**30, 1, 1),
+            planned(
+                k, label, address=f"f{script}{feed}{k}.h5".replace("/", "_"), problem=f"{script}{feed} {k}",
+                family=script, fingerprint=f"{k:064x}", limits=Limits(5.0, 2**30, 1, 1),
             )
             for k in range(4) for label in ("lemke", "pgs", "psor", "bpp")
         ]  # fmt: skip
@@ -168,8 +177,16 @@ def _outputs(name: str) -> list[str]:
     return [word for suffix in ("md", "json") for word in ("-o", f"{name}/compare.{suffix}")]
 
 
+def _kinds(path: Path) -> list[str]:
+    """What a file of Markdown is made of, but for text and code."""
+    tokens = _tokens(MarkdownIt("gfm-like", {"linkify": False}).parse(path.read_text("utf-8")))
+    return [token.type for token in tokens if token.type not in ("text", "text_special", "code_inline")]
+
+
 def test_markdown_has_no_html(written: Path) -> None:
-    """In all files; a script stands there in code alone."""
+    """In all files; a script stands there in code alone, and names make no cell, link, heading or emphasis."""
+    for name in ("report.md", "details.md"):
+        assert _kinds(written / "r" / name) == _kinds(written / "plain" / name), name
     files = sorted((written / "r").glob("*.md"))
     assert {"report.md", "details.md", "compare.md"} <= {file.name for file in files}
     for file in files:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import cpbench
+from synthetic_results import pair
 
 from cpbench import storage
-from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.merge import merge
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store, read_results
@@ -22,25 +23,6 @@ MACHINE = {"cpu": "quick", "cores": 2, "load": 0.1}
 ROW = {"status": "solved", "error": 1e-9, "flags": "", "solve": 1e-3, "version": "1.0", "finished": "now"}
 TIMES = {"wall", "load", "convert", "setup", "solve", "lift", "verify", "cpu", "peak", "samples", "solve_min"}
 TIMES |= {"solve_iqr", "loadavg", "finished"}
-USUAL = Limits()
-
-
-def pair(
-    number: int, solver: str = "lemke", *, tolerance: float = 1e-6, limits: Limits = USUAL, print: str = ""
-) -> Pair:
-    return Pair(
-        address=f"p{number}.h5",
-        problem=f"p{number}",
-        fingerprint=print or f"{number:032x}",
-        node="lcp",
-        family="",
-        sizes={"n": 3},
-        request=Request("exact"),
-        entry=Entry(solver),
-        target="lcp",
-        tolerance=tolerance,
-        limits=limits,
-    )
 
 
 Make = Callable[..., Path]
@@ -137,7 +119,7 @@ def test_what_does_not_compare_is_refused(made: Make, tmp_path: Path, mix: str) 
 
 
 def test_a_problem_that_changed_under_its_name(made: Make, tmp_path: Path) -> None:
-    changed = pair(0, print="f" * 32)
+    changed = pair(0, fingerprint="f" * 32)
     a = made("a.sqlite", [pair(0), pair(1)], [pair(0), pair(1)])
     b = made("b.sqlite", [changed], [changed])
     with pytest.raises(StoreError, match="differ in fingerprint of problem p0"):

@@ -14,11 +14,12 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 from damage import read_or_refused, rearranged, spoiled
+from synthetic_results import pair
 
 import cpbench
 from cpbench import storage
 from cpbench.bench.planning import plan_file
-from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.planning.plan import Limits
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.formulations import QP, FrictionContact
@@ -89,19 +90,12 @@ def _contact() -> FrictionContact:
 
 
 def _results(path: Path) -> None:
-    limits, request = Limits(10.0, 2**30, 1, 1), Request("exact")
-    pairs = [
-        Pair(
-            address="six.h5", problem="six", fingerprint="6" * 64, node="lcp", family="", sizes={"n": 6},
-            request=request, entry=Entry(name), target="lcp", tolerance=1e-6, limits=limits,
-        )
-        for name in ("lemke", "bpp", "pgs")
-    ]  # fmt: skip
+    pairs = [pair(6, name, limits=Limits(10.0, 2**30, 1, 1), sizes={"n": 6}) for name in ("lemke", "bpp", "pgs")]
     with Store(path, create=True) as store:
         store.plan(pairs)
         store.set_meta(command="cpbench run six.h5", machine={"cpu": "z"})
-        for k, pair in enumerate(pairs):
-            store.finish(pair.key, Outcome(status="solved", error=1e-9, solve=0.1 * (k + 1), answer=b"six" * 9))
+        for k, planned in enumerate(pairs):
+            store.finish(planned.key, Outcome(status="solved", error=1e-9, solve=0.1 * (k + 1), answer=b"six" * 9))
         store.settle()
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import random
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic_results import pair as planned
 
 from cpbench import storage
 from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import features, selection
-from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
+from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import ProblemSet
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, Sequence
@@ -146,11 +148,8 @@ def test_conditions_choose() -> None:
 # ----------------------------------------------------------------------------------------------- shards
 
 
-def pair(problem: str, solver: str, sequence: str = "", step: int = 0, start: str = "cold") -> Pair:
-    return Pair(
-        f"{problem}.h5", problem, problem, "lcp", "", {}, exact(), Entry(solver), "lcp", 1e-6, Limits(), start,
-        sequence=sequence, step=step,
-    )  # fmt: skip
+def pair(problem: str, solver: str, **given: Any) -> Pair:
+    return planned(0, solver, address=f"{problem}.h5", problem=problem, fingerprint=problem, **given)
 
 
 @settings(max_examples=60, deadline=None)
@@ -177,7 +176,7 @@ def test_shards_hold_about_as_much_and_keep_sequences_whole() -> None:
     sizes = [len(selection.shard(pairs, i, 4)) for i in range(1, 5)]
     assert sum(sizes) == 2000
     assert max(sizes) < 1.2 * min(sizes)
-    scene = [pair(f"s{i}", "pgs", "pile", i, "previous") for i in range(20)]
+    scene = [pair(f"s{i}", "pgs", sequence="pile", step=i, start="previous") for i in range(20)]
     assert sorted(len(selection.shard(scene, i, 4)) for i in range(1, 5)) == [0, 0, 0, 20]
-    cold = [pair(f"s{i}", "pgs", "pile", i) for i in range(20)]
+    cold = [pair(f"s{i}", "pgs", sequence="pile", step=i) for i in range(20)]
     assert max(len(selection.shard(cold, i, 4)) for i in range(1, 5)) < 20

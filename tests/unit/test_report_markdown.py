@@ -16,14 +16,9 @@ from written_reports import whole, write_report
 from cpbench.analysis.run_table import RunTable
 from cpbench.report import documents
 from cpbench.report.run import ProblemOrigin, assembled
-from cpbench.report.templating import Table
-from cpbench.report.text import code, fenced, plain, solve_command
+from cpbench.report.text import solve_command
 
 RENDER = MarkdownIt("commonmark").enable("table")
-HOSTILE = [
-    *("<script>alert(1)</script>", "a|b", "`x`", "``", "*b* _i_", "[l](http://x)", "![i](x)", "a\nb", "$x$", "\\|"),
-    *("&amp;", "# h", "~~s~~", "\x1b[31m", "|", "_under", "é漢"),
-]
 
 
 def report(rows: pd.DataFrame, folder: Path, drawn: bool = False, **facts: object) -> str:
@@ -151,58 +146,6 @@ def test_the_hardest_problems_are_told_with_where_they_are_from(tmp_path: Path) 
     text = whole(write_report(rows, meta(), tmp_path, "t", origins={"hard": ProblemOrigin("a paper", "CC0-1.0")}))
     lines = text[text.index("## Hardest problems") :].split("\n\n")[2].splitlines()[2:]
     assert lines == ["| hard-1 | lcp | n 3 | 0 of 2 | 0.1 | `t` | a paper | CC0-1.0 | `problems/hard-1.h5` |"]
-
-
-def shape_with(name: str, folder: Path) -> list[str]:
-    """Kinds of the Markdown tokens of a report in which everything is called `name`; plain text does not count."""
-    rows = table(
-        row("p-1", "plain", "solved", 1.0),
-        row(name, name, "solved", 1.0, family=name, solver=name, flags="direction"),
-        row(name, name + "2", "wrong", 1.0, family=name, message=name, solver=name),
-        row(name, name + "3", "error", family=name, message=name, address=name),
-        row(name, name + "@inner8", "wrong", 2.0, family=name),
-    )
-    sheet = dict.fromkeys(("name", "node", "version", "licence", "publishing", "summary"), name)
-    text = report(
-        rows,
-        folder,
-        refused=[[name, name]],
-        command=name,
-        machine={"cpu": name},
-        solvers={name: sheet},
-    )
-    check_whole(text)
-    tokens = RENDER.parse(text)
-    spans = [child.type for token in tokens for child in token.children or []]
-    return [t.type for t in tokens] + [s for s in spans if s not in ("text", "text_special", "code_inline")]
-
-
-@pytest.fixture(scope="module")
-def harmless(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    return shape_with("harmless", tmp_path_factory.mktemp("harmless"))
-
-
-@pytest.mark.parametrize("name", some_by_day(HOSTILE, 1))
-def test_a_hostile_name_stays_text(name: str, harmless: list[str], tmp_path: Path) -> None:
-    """Rendered as Markdown there is no tag, link, heading, emphasis or cell that the report did not put there."""
-    assert shape_with(name, tmp_path) == harmless
-
-
-def test_pieces_render_to_what_went_in() -> None:
-    for name in HOSTILE:
-        line = " ".join("".join(c if c.isprintable() else " " for c in name).split())
-        (paragraph,) = [t for t in RENDER.parse(f"x {plain(name)} y") if t.type == "inline"]
-        assert "".join(c.content for c in paragraph.children or []) == f"x {line} y"
-        (span,) = [t for t in RENDER.parse(code(name)) if t.type == "inline"]
-        assert [c.content for c in span.children or []] == [line]
-        (block,) = RENDER.parse(fenced([line]))
-        assert block.content == f"{line}\n"
-        cells = [
-            t.content
-            for t in RENDER.parse(Table.of({"a": "text", "b": "text"}, [[name, "c"]]).markdown)
-            if t.type == "inline"
-        ]
-        assert len(cells) == 4
 
 
 @pytest.mark.parametrize(

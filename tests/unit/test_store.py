@@ -8,36 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from synthetic_results import pair
 
-from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.database import SCHEMA
 from cpbench.bench.results.rows import MEASURED, Outcome
 from cpbench.bench.results.store import Store
 from cpbench.errors import StoreError
 
 ROW = {"status": "solved", "error": 1e-9, "solve": 1e-3, "samples": "[0.001, 0.002]", "repeats": 2}
-
-
-USUAL = Limits()
-
-
-def pair(number: int = 0, limits: Limits = USUAL, **more) -> Pair:
-    return Pair(
-        **{
-            "address": f"p{number}.h5",
-            "problem": f"p{number}",
-            "fingerprint": f"{number:032x}",
-            "node": "lcp",
-            "family": "",
-            "sizes": {"n": 3},
-            "request": Request("exact"),
-            "entry": Entry("lemke"),
-            "target": "lcp",
-            "tolerance": 1e-6,
-            "limits": limits,
-            **more,
-        }
-    )
 
 
 @pytest.fixture
@@ -110,18 +89,18 @@ def test_threads_may_share_a_store(store: Store) -> None:
 def test_other_limits_do_not_mix(store: Store, limits: Limits, told: str) -> None:
     store.plan([pair()])
     store.finish(pair().key, Outcome(**ROW))
-    for other in (pair(limits=limits), pair(1, limits)):
+    for other in (pair(limits=limits), pair(1, limits=limits)):
         with pytest.raises(StoreError, match=f"was made with {told}; .* use another file with -o"):
             store.plan([pair(2), other])
     assert len(list(store.rows())) == 1, "nothing is written of a plan that is refused"
-    store.plan([pair(1, limits, set="hard")])
+    store.plan([pair(1, limits=limits, set="hard")])
     with pytest.raises(StoreError, match="set 'hard' was made with"):
         store.plan([pair(3, set="hard")])
 
 
 def test_one_plan_has_one_set_of_limits_a_set(store: Store) -> None:
     with pytest.raises(StoreError, match="timeout 10, now 20"):
-        store.plan([pair(0), pair(1, Limits(seconds=20.0))])
+        store.plan([pair(0), pair(1, limits=Limits(seconds=20.0))])
     assert not list(store.rows())
 
 

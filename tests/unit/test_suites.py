@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from synthetic_results import pair as planned
 
 from cpbench import graph, storage
 from cpbench.analysis.participation import lacking_lines, unreached_lines
 from cpbench.bench import skipped
 from cpbench.bench.planning import grids, run_plan
-from cpbench.bench.planning.plan import Entry, Pair, Request
+from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
@@ -134,9 +135,7 @@ def test_a_name_is_distinguished_from_a_glob() -> None:
 
 
 def _pair(solver: str, problem: str, *, named: bool) -> Pair:
-    return Pair(
-        problem, problem, f"f-{problem}", "lcp", "", {"n": 1}, Request("exact"), Entry(solver), "lcp", 1e-6, named=named
-    )
+    return planned(0, solver, address=problem, problem=problem, fingerprint=f"f-{problem}", named=named)
 
 
 def _settled(path: Path, pairs: list[Pair], outcomes: list[tuple[str, str]], absent: Mapping[str, str]) -> None:
