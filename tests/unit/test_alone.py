@@ -14,6 +14,8 @@ import psutil
 import pytest
 
 from cpbench.bench.processes.alone import Stopped, Work, run_alone
+from cpbench.bench.processes.launch import context
+from cpbench.bench.processes.process import Child
 
 LONG, SHORT = 600.0, 0.3
 
@@ -95,3 +97,30 @@ def test_the_memory_of_a_solve_is_limited_by_itself() -> None:
         return tried
 
     assert ended(work, memory=2**27) == {"warm-up": True, "solve": False}
+
+
+def _tell_cpus(connection) -> None:
+    connection.send_bytes(repr(sorted(os.sched_getaffinity(0))).encode())
+
+
+def test_a_child_is_tied_to_its_cores() -> None:
+    core = max(os.sched_getaffinity(0))
+    child = Child(context(1), _tell_cpus, (), cpus=(core,))
+    try:
+        assert child.receive(30.0) == b"[%d]" % core
+    finally:
+        child.kill()
+
+
+def test_memory_is_limited_beside_a_process_that_cannot_be_read() -> None:
+    """The system may refuse /proc/PID of somebody else, at which psutil gives up its look at all processes."""
+    code = (
+        "import resource, psutil\n"
+        "def refused(*_, **__): raise psutil.AccessDenied(1)\n"
+        "psutil.Process.children = refused\n"
+        "from cpbench.bench.processes.isolation import address_space, limit_address_space\n"
+        "before = address_space(); limit_address_space(2**30)\n"
+        "print(0 <= resource.getrlimit(resource.RLIMIT_AS)[0] - before - 2**30 < 2**26)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "True", done.stderr

@@ -294,7 +294,7 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
         assert (again.returncode, "by mine@head" in again.stdout, "wrong" in again.stdout) == (1, True, True), again
 
 
-PSOR = f"""[solver.psor]
+PSOR = f"""[solver.sweeper]
 node = "lcp"
 command = "{sys.executable} psor.py {{problem}} {{answer}}"
 matrices = "dense"
@@ -326,7 +326,7 @@ def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
     compare = compare.rstrip() + f" --repeats 1 --problems '{FAST['problems']}'\n"
     said = run(toy, "bash", "-c", compare, rc=1, **here)
     assert "solved → crash" in said.stdout
-    assert json.loads((toy / job["artifacts"]["paths"][0] / "psor.json").read_text())["verdict"] == "regressed"
+    assert json.loads((toy / job["artifacts"]["paths"][0] / "sweeper.json").read_text())["verdict"] == "regressed"
 
 
 @pytest.mark.nightly

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import sqlite3
 import threading
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic_results import pair
 
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.database import SCHEMA
-from cpbench.bench.results.rows import MEASURED, Outcome
+from cpbench.bench.results.rows import MEASURED, Outcome, pack_answer, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import StoreError
+from cpbench.formulations import MLCPPoint
 
 ROW = {"status": "solved", "error": 1e-9, "solve": 1e-3, "samples": "[0.001, 0.002]", "repeats": 2}
 
@@ -212,3 +216,12 @@ def test_a_database_of_something_else_is_left_alone(tmp_path: Path, create: bool
     with pytest.raises(StoreError, match="database of something else"):
         Store(path, create=create)
     assert path.read_bytes() == before
+
+
+def test_an_answer_is_a_npy_file() -> None:
+    point = MLCPPoint(u=np.array([1.5, -0.0]), v=np.array([np.nan, np.inf, 3.0]))
+    blob = pack_answer(point)
+    expected = io.BytesIO()
+    np.save(expected, np.concatenate([point.u, point.v]), allow_pickle=False)
+    assert zlib.decompress(blob) == expected.getvalue()
+    assert unpack_answer(blob).tobytes() == np.concatenate([point.u, point.v]).tobytes()
