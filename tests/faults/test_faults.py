@@ -185,22 +185,8 @@ def test_killed_within_half_a_second(run: Run, module_bench) -> None:
     assert set(late.solver) == {f"faulty-{name}" for name in run.faults if EXPECTED[name][0] == "timeout"}
     taken = late.wall - late.load
     assert (taken <= LIMIT + module_bench.grace).all(), dict(zip(late.solver, taken, strict=True))
-
-
-@pytest.mark.nightly
-def test_a_broken_connection_is_reported_at_once(bench) -> None:
-    """No fault but a hang waits for the limit, whatever it holds open.
-
-    In a run of their own: whoever comes after `forkserver` waits until there is a new one.
-    """
-    faults = [f"faulty-{name}" for name in ("close", "junk", "giant", "half", "orphan", "parent")]
-    problems = [bench.problem(f"p{n}", n) for n in (3, 8)]
-    done = bench.run(problems, faults, "--timeout", "120s", "--memory", "1G")
-    assert done.returncode == 0, done.stderr
-    rows = bench.store().table()
-    assert len(rows) == len(problems) * len(faults)
-    late = rows[rows.wall >= 60.0]  # `close` takes half a second, all others less; the machine may be busy
-    assert late.empty, dict(zip(late.solver, late.wall, strict=True))
+    others = table[table.status != "timeout"]
+    assert (others.wall < AMPLE).all(), "no other fault waits for the limit, whatever it holds open"
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -233,12 +232,6 @@ def test_a_file_that_is_gone_after_planning_is_an_error(slot: Slot, tmp_path: Pa
     assert row.message.startswith("loading: ")
 
 
-def _hanging(path: Path) -> Path:
-    """A file that never opens, as on a network drive that does not answer: a pipe nobody writes to."""
-    os.mkfifo(path)
-    return path
-
-
 @pytest.mark.nightly
 def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     slot: Slot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -257,24 +250,6 @@ def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     address.unlink()
     _lcp(tmp_path)
     assert slot.run(pair, slot.prepare(pair)).status == "solved"
-
-
-@pytest.mark.nightly
-def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
-    slot: Slot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    prepared = slot.prepare(pair)
-    slot.start({"lemke": LIMITS})
-    monkeypatch.setattr(slots, "LOAD", replace(slots.LOAD, floor=0.3))
-    quick = replace(pair, limits=replace(LIMITS, seconds=0.2))
-    row = slot.run(quick, replace(prepared, path=str(_hanging(tmp_path / "hanging.h5"))))
-    assert row.status == "error"
-    assert row.message.startswith("loading: ")
-    assert row.solve is None
-    monkeypatch.undo()
-    assert slot.run(pair, prepared).status == "solved"
 
 
 @pytest.mark.needs("cpbench_solvers")

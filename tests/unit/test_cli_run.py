@@ -149,19 +149,6 @@ def test_a_dry_run_tells_the_problems_the_grids_and_what_is_done(folder: Path) -
     assert "shard 1 of 2" in run(folder, "--dry-run", "--shard", "1/2").stdout
 
 
-@pytest.mark.nightly
-def test_shards_make_up_the_whole(folder: Path) -> None:
-    """One of three shards of two problems at least is empty, and merges all the same."""
-    files = [f"{i}.sqlite" for i in range(1, 4)]
-    for i, file in enumerate(files, 1):
-        run(folder, "p2.h5", "p3.h5", "-s", "lemke", "--shard", f"{i}/3", "-o", file)
-    keys = [{r["key"] for r in rows(folder / file)} for file in files]
-    assert sum(map(len, keys)) == len(set().union(*keys)) == 2
-    assert not all(keys)
-    done = cpbench(folder, "results", "merge", *files, "-o", "all.sqlite")
-    assert "2 pairs of 3 files: 2 solved" in done.stdout, done.stderr
-
-
 def test_failures_end_with_1(folder: Path) -> None:
     path = folder / "r.sqlite"
     command = ("p2.h5", "p3.h5", "-s", "flaky", "-s", "liar", "--no-report", "-o", "r.sqlite")
