@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,10 @@ import planted
 import planted_conic
 import planted_contact
 import planted_nonlinear as nonlinear
+from hypothesis import strategies as st
 
 from cpbench.formulations import Problem
+from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.testing.cases import Case
 
@@ -75,3 +77,29 @@ def draw(node: str, seed: int, size: int) -> Case:
         "nfc": lambda: nonlinear.nfc(rng, 1 + size // 3, size, 2 + few % 2),
     }
     return Case(f"{kind}-{size}-{seed}", *others[node]())
+
+
+NUMBERS = st.sampled_from([0.0, -0.0, 1.0, -1.0, 2.0]) | st.floats(allow_nan=False, allow_infinity=False)
+
+
+@st.composite
+def maps(
+    draw: st.DrawFn,
+    operators: Sequence[Operator],
+    inputs: tuple[int, int] = (1, 4),
+    constants: st.SearchStrategy[float] = st.floats(-3, 3),  # noqa: B008 - a strategy has no state
+    most: int = 12,
+    rows: tuple[int, int] | None = (1, 5),
+) -> Map:
+    """Maps of at most so many operations: shared ones, chains, constants, bare variables.
+
+    rows : how many, least and most; None for as many as there are unknowns.
+    """
+    n = draw(st.integers(*inputs))
+    build = Builder(n)
+    numbers = [*range(n), *(build.constant(c) for c in draw(st.lists(constants, min_size=1, max_size=4)))]
+    for operator in draw(st.lists(st.sampled_from(operators), max_size=most)):
+        recent = st.sampled_from(numbers[-5:]) | st.sampled_from(numbers)
+        numbers.append(build.apply(operator, *(draw(recent) for _ in range(1 + operator.binary))))
+    least, largest = rows or (n, n)
+    return build.finish(draw(st.lists(st.sampled_from(numbers), min_size=least, max_size=largest)))

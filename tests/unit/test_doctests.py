@@ -31,7 +31,7 @@ def _marked(name: str) -> Any:
     return pytest.param(name, marks=[pytest.mark.needs("cpbench_solvers")] if calls else [])
 
 
-@pytest.mark.parametrize("module", map(_marked, MODULES))
+@pytest.mark.parametrize("module", [_marked(name) for name in MODULES])
 def test_the_examples_hold(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     failed, tried = doctest.testmod(importlib.import_module(module))
     assert tried

@@ -13,16 +13,15 @@ import h5py
 import mpmath
 import numpy as np
 import pytest
-from drawn_cases import draw
+from drawn_cases import NUMBERS, draw, maps
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from mof_schema import violations
 from tiers import by_night
 
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import NCP, NLP, MiCP, formulations
-from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions import Map, Operator
 from cpbench_problems.formats import mof_json, to_mof
 from cpbench_problems.formats.model_problem import program
 from cpbench_problems.formats.mof_functions import Functions
@@ -52,23 +51,12 @@ def _program(text: str | bytes) -> NLP:
 # ----------------------------------------------------------------------------------------- there and back
 
 
-@st.composite
-def maps(draw: st.DrawFn) -> Map:
-    """Any operations on any values: shared ones, chains, conditions, constants 0, −0 and 1, bare variables."""
-    n = draw(st.integers(0, 3))
-    build = Builder(n)
-    constants = st.sampled_from([0.0, -0.0, 1.0, -1.0, 2.0]) | st.floats(allow_nan=False, allow_infinity=False)
-    numbers = [*range(n), *(build.constant(c) for c in draw(st.lists(constants, min_size=1, max_size=4)))]
-    heads = st.sampled_from([Operator.ADD, Operator.SUB, Operator.MUL, Operator.NOT, Operator.CHOOSE])
-    for operator in draw(st.lists(st.sampled_from(Operator) | heads, max_size=30)):
-        recent = st.sampled_from(numbers[-5:]) | st.sampled_from(numbers)
-        numbers.append(build.apply(operator, *(draw(recent) for _ in range(1 + operator.binary))))
-    return build.finish(draw(st.lists(st.sampled_from(numbers), max_size=4)))
+EVERY = [*Operator, *5 * [Operator.ADD, Operator.SUB, Operator.MUL, Operator.NOT, Operator.CHOOSE]]
 
 
 @pytest.mark.nightly
 @settings(max_examples=300, deadline=None, derandomize=True)
-@given(maps())
+@given(maps(EVERY, (0, 3), NUMBERS, 30, (0, 4)))
 def test_a_map_comes_back_bit_for_bit(F: Map) -> None:
     assert _read(to_mof.vector(F, _names(F.inputs)), F.inputs) == F
     scalars = to_mof.scalars(F, _names(F.inputs))

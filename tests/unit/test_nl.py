@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from drawn_cases import NUMBERS, maps
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from tiers import some_by_day
 
 import cpbench
@@ -39,23 +39,12 @@ def written(problem: Any, tmp_path: Path, kind: str = "nl") -> Path:
 # ------------------------------------------------------------------------------------------- there and back
 
 
-@st.composite
-def maps(draw: st.DrawFn) -> Map:
-    """Any operations that files have on any values: shared ones, sums, conditions, constants 0, −0 and 1."""
-    n = draw(st.integers(1, 3))
-    build = Builder(n)
-    constants = st.sampled_from([0.0, -0.0, 1.0, -1.0, 2.0]) | st.floats(allow_nan=False, allow_infinity=False)
-    numbers = [*range(n), *(build.constant(c) for c in draw(st.lists(constants, min_size=1, max_size=4)))]
-    known = sorted(set(Operator) - UNWRITTEN)
-    heads = st.sampled_from([Operator.ADD, Operator.LT, Operator.EQ, Operator.NOT, Operator.AND, Operator.CHOOSE])
-    for operator in draw(st.lists(st.sampled_from(known) | heads, max_size=30)):
-        recent = st.sampled_from(numbers[-5:]) | st.sampled_from(numbers)
-        numbers.append(build.apply(operator, *(draw(recent) for _ in range(1 + operator.binary))))
-    return build.finish(draw(st.lists(st.sampled_from(numbers), min_size=n, max_size=n)))
+KNOWN = sorted(set(Operator) - UNWRITTEN)
+KNOWN += 5 * [Operator.ADD, Operator.LT, Operator.EQ, Operator.NOT, Operator.AND, Operator.CHOOSE]
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
-@given(maps())
+@given(maps(KNOWN, (1, 3), NUMBERS, 30, None))
 def test_a_map_comes_back_bit_for_bit(tmp_path_factory: pytest.TempPathFactory, F: Map) -> None:
     folder = tmp_path_factory.mktemp("map")
     for kind in FORMATS:
