@@ -162,8 +162,8 @@ def test_the_natural_step_projects_like_the_reference(rng: np.random.Generator, 
         prepared = solver.setup(problem, Budget(), solver.spec.options()).prepared
         data = *prepared.matrix, *prepared.law, *prepared.local
         own = r / L
-        state, iterate = np.zeros(4, np.int64), (own, own.copy(), np.zeros((1, 2)), np.arange(1), 1.0, False)
-        kernel.sweeps(*data, *iterate, 0.0, 1, state, np.zeros(2), False)
+        state, iterate = np.zeros(5, np.int64), (own, own.copy(), np.zeros((1, 2)), np.arange(1), 1.0, False)
+        kernel.sweeps(*data, *iterate, 0.0, 1, state, np.zeros(3), False)
         assert (state[kernel.ITERATION], state[kernel.HARD]) == (1, 1)
         np.testing.assert_allclose(L * own, expected, rtol=1e-12, atol=1e-13)
 
