@@ -153,8 +153,7 @@ def theirs(python: str, name: str, stack: Any, data: dict[str, Any], tolerance: 
 def ours(kind: Any, data: dict[str, Any], tolerance: float, threads: int) -> None:
     """Print problems per second of the compiled call, and with the verdicts."""
     import cpbench as cp
-    from cpbench.solvers.automatic import automatic_solver
-    from cpbench.solvers.base import solvers
+    from cpbench.solvers.base import automatic_solver, solvers
 
     stack = cp.solve_many(kind, tolerance=tolerance, **{key: a[:100] for key, a in data.items()}).stack  # warm
     clock = time.process_time if threads == 1 else time.perf_counter

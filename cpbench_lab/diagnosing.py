@@ -97,7 +97,7 @@ def trial_of_row(
     file has changed.
     """
     from cpbench import storage
-    from cpbench.solvers.options import written
+    from cpbench.solvers.base import written
     from cpbench_lab.diagnosis.attempts import SolverTrial
 
     with Store(results) as store:

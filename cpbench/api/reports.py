@@ -74,7 +74,7 @@ def report_file(
     choices : as `write_report` takes them. Returns what `write_report` does.
     """
     from cpbench.analysis.comparison import compare
-    from cpbench.api.comparing import side, side_of
+    from cpbench.api.results import side, side_of
 
     with Store(results) as store:
         require_folder(folder)

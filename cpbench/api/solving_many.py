@@ -15,8 +15,7 @@ from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.solvers.automatic import automatic_solver
-from cpbench.solvers.base import StackCall, solvers
+from cpbench.solvers.base import StackCall, automatic_solver, solvers
 from cpbench.verification import Status
 from cpbench.verification.stacked import judge_stack
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.api import comparing
+from cpbench.api.results import compare_files
 from cpbench.cli.options import ListOption, seed_option, stationary_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, LABELS, PATH
@@ -89,7 +89,7 @@ def command(
 
     _require_sense(base, new, first, second, fail_on)
     settings = Thresholds(margin, counter_margin, alpha, same_machine, seed, count_stationary)
-    comparison = comparing.compare_files(base, new, (first or "", second or ""), settings, noise)
+    comparison = compare_files(base, new, (first or "", second or ""), settings, noise)
     print_lines(terminal.lines(comparison))
     for path in outputs:
         write(comparison, path)

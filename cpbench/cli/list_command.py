@@ -18,8 +18,7 @@ from cpbench.conversions.base import conversions, mathematics
 from cpbench.formulations import formulations
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import edges, promise
-from cpbench.solvers.base import Solver, SolverSpec, solvers
-from cpbench.solvers.options import choices, written
+from cpbench.solvers.base import Solver, SolverSpec, choices, solvers, written
 
 HEAD = ("solver", "node", "method", "version", "licence")
 RESTRICTED = "* figures must not be published without permission: cpbench list solvers NAME"

@@ -9,21 +9,21 @@ import math
 import sys
 import time
 import traceback
+import typing
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import Enum, StrEnum
 from functools import cache
 from typing import Any, ClassVar, TypeAlias
 
 from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
-from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.formulations.base import Kind, Point, Problem, formulations
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.extensions import ADAPTERS, NATIVE
 from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
-from cpbench.solvers.options import choices, written
 from cpbench.solvers.stopping import Stopping
 
 
@@ -314,6 +314,25 @@ def _distributions() -> Mapping[str, list[str]]:
     return packages_distributions()
 
 
+def choices(options: type, name: str) -> tuple[Any, ...]:
+    """Return all values that an option may have, the members of an Enum or the values of a Literal; () where any value
+    of its type is allowed."""
+    option = next(f for f in dataclasses.fields(options) if f.name == name)
+    if isinstance(option.default, Enum):
+        return tuple(type(option.default))
+    if "Literal" not in str(option.type):  # other annotations may name what is not imported at run time
+        return ()
+    hint = typing.get_type_hints(options)[name]
+    return typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
+
+
+def written(value: Any) -> str:
+    """Return a value of an option as it is typed on the command line."""
+    if isinstance(value, Enum):
+        return str(value.value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
 def parse_options(spec: SolverSpec, text: Mapping[str, str]) -> Any:
     """Return the dataclass of options with values read from strings, as ``{"omega": "1.2"}``.
 
@@ -378,3 +397,16 @@ def solve(problem: Problem, solver: str, budget: Budget | None = None, **options
     if why is not None:
         raise NotApplicable(solver, why)
     return chosen.run(problem, budget, chosen.spec.options(**options))
+
+
+def automatic_solver(node: str) -> str | None:
+    """Return the name of the automatic choice of a formulation, None where it has none; modules of other solvers are
+    not imported."""
+    name = f"auto-{node}"
+    return name if solvers.knows(name) else None
+
+
+def automatic_solvers() -> dict[str, str]:
+    """Return the automatic choice of each formulation that has one, by formulation."""
+    found = ((node, automatic_solver(node)) for node in formulations.names())
+    return {node: name for node, name in found if name is not None}

@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from cpbench.formulations.base import Problem
-from cpbench.solvers.automatic import automatic_solver
-from cpbench.solvers.base import Solver
+from cpbench.solvers.base import Solver, automatic_solver
 from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome
 from cpbench_lab.facts import Fact, of_problem
 

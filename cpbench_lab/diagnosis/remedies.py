@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from cpbench import graph
 from cpbench.formulations.base import Problem
-from cpbench.solvers.automatic import automatic_solver
-from cpbench.solvers.base import Solver, missing, solvers
+from cpbench.solvers.base import Solver, automatic_solver, missing, solvers
 from cpbench_lab.diagnosis.case import FailedTrial, Remedy
 
 TRIES = 3

@@ -18,8 +18,7 @@ from cpbench.cli import cli
 from cpbench.cli.options import ListOption
 from cpbench.errors import UnknownName
 from cpbench.formulations import LCP
-from cpbench.solvers.base import SolverSpec, parse_options, solvers
-from cpbench.solvers.options import choices
+from cpbench.solvers.base import SolverSpec, choices, parse_options, solvers
 
 
 class Order(StrEnum):

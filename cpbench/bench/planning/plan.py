@@ -20,8 +20,7 @@ from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
 from cpbench.foundation.text import read_brackets
 from cpbench.graph import nodes_of_maps
-from cpbench.solvers.automatic import automatic_solver, automatic_solvers
-from cpbench.solvers.base import SolverSpec, parse_options, solvers
+from cpbench.solvers.base import SolverSpec, automatic_solver, automatic_solvers, parse_options, solvers
 
 if TYPE_CHECKING:
     from cpbench.bench.messages import Surveyed
