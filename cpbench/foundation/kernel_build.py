@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import hashlib
 import importlib
 import importlib.util
 import os
@@ -119,15 +118,17 @@ def _optimise_once() -> None:
     compiler.Flags = without_lock  # type: ignore[attr-defined]
 
 
-def is_current(package: str, level: str) -> bool:
-    """Return whether the libraries of a package are those of its kernels as they are now."""
-    return _stamp(package, level).is_file() and _stamp(package, level).read_text() == _state(package)
-
-
 def build(packages: Sequence[str], levels: Sequence[str]) -> list[str]:
     """Compile the libraries that are not there or not current, one a core; return the errors."""
-    wanted = [(package, level) for level in levels for package in packages if not is_current(package, level)]
-    tasks = [(package, level, number) for package, level in wanted for number in range(len(_divided(package)))]
+    from cpbench.foundation import kernels
+
+    stale = [
+        (package, level)
+        for level in levels
+        for package in packages
+        if not kernels.is_current(folder_of(package), level)
+    ]
+    tasks = [(package, level, number) for package, level in stale for number in range(len(_divided(package)))]
     tasks.reverse()  # the largest of `PACKAGES` is the last
     running: list[tuple[str, subprocess.Popen[str]]] = []
     errors: list[str] = []
@@ -139,9 +140,9 @@ def build(packages: Sequence[str], levels: Sequence[str]) -> list[str]:
         running.append((package, subprocess.Popen(command, stderr=subprocess.PIPE, text=True)))
     for package, process in running:
         errors += _ended(package, process)
-    if not errors:
-        for package, level in wanted:
-            _stamp(package, level).write_text(_state(package))
+    for package, level in stale if not errors else []:
+        folder = folder_of(package)
+        folder.joinpath(f"{kernels.LIBRARY}_{level}.sha256").write_text(kernels.state(folder))
     return errors
 
 
@@ -199,16 +200,6 @@ def _needed(package: str, module: str) -> set[str]:
             needed.add(name)
             open_ += re.findall(rf"^from {re.escape(package)}\.(\w+) import", _source(package, name).read_text(), re.M)
     return needed
-
-
-def _state(package: str) -> str:
-    """Return a hash of all that the libraries of a package are made of."""
-    files = [*sorted(folder_of(package).glob("*.py")), Path(__file__), Path(__file__).with_name("kernels.py")]
-    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
-
-
-def _stamp(package: str, level: str) -> Path:
-    return folder_of(package) / f"_compiled_{level}.sha256"
 
 
 def _stand_in(package: str) -> None:

@@ -15,11 +15,14 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import hashlib
 import importlib
 import os
+import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -163,16 +166,32 @@ def described() -> str:
     if not not_compiled:
         return f"compiled for this processor's level of instructions ({level()})"
     return (
-        f"{len(not_compiled)} are NOT compiled, as {not_compiled[0]}: Python runs them, a hundred times slower "
-        "or more; install a C compiler, then cpbench again"
+        f"{len(not_compiled)} are NOT compiled, or have changed since, as {not_compiled[0]}: Python runs them, "
+        "a hundred times slower or more; run, with a C compiler: python -m cpbench.foundation.kernel_build"
     )
+
+
+def state(folder: Path) -> str:
+    """Return a hash of all that the libraries of the package in a folder are made of."""
+    files = [*sorted(folder.glob("*.py")), Path(__file__), Path(__file__).with_name("kernel_build.py")]
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def is_current(folder: Path, instructions: str) -> bool:
+    """Return whether the libraries of the package in a folder are those of its kernels as they are now."""
+    stamp = folder / f"{LIBRARY}_{instructions}.sha256"
+    return stamp.is_file() and stamp.read_text() == state(folder)
 
 
 @functools.cache
 def _library(package: str) -> Mapping[str, Any]:
-    """Return the compiled kernels of a package, the best that this processor can run; none where it has no library."""
+    """Return the compiled kernels of a package, the best that this processor can run; none where it has no library that
+    is current."""
+    folder = Path(sys.modules[package].__path__[0])
     for instructions in (level(), "v2"):
         with contextlib.suppress(ModuleNotFoundError):
+            if not is_current(folder, instructions):
+                continue
             found = vars(importlib.import_module(f"{package}.{LIBRARY}_{instructions}_0")).copy()
             with contextlib.suppress(ModuleNotFoundError):  # a small package has one library
                 found |= vars(importlib.import_module(f"{package}.{LIBRARY}_{instructions}_1"))

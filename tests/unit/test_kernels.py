@@ -58,8 +58,15 @@ def elsewhere(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_without_libraries_python_runs_them(elsewhere: Path) -> None:
+@pytest.mark.parametrize("changed", [False, True])
+def test_without_current_libraries_python_runs_them(elsewhere: Path, changed: bool) -> None:
     """The same answer, and a warning."""
+    if changed:
+        folder = Path("cpbench_solvers", "kernels")
+        for file in (ROOT / folder).glob("_compiled_*"):
+            shutil.copy(file, elsewhere / folder)
+        with (elsewhere / folder / "vectors.py").open("a") as source:
+            source.write("# changed\n")
     environment = {**os.environ, "PYTHONPATH": str(elsewhere)}
     run = {"env": environment, "cwd": elsewhere, "capture_output": True, "text": True, "check": True}
     done = subprocess.run([sys.executable, "-c", SOLVE], **run)
