@@ -100,8 +100,8 @@ def microseconds(seconds: float) -> str:
 def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
     """Return why the times of a run are not to be relied on, '' where nothing speaks against them.
 
-    That is where the load was beyond the cores of the machine at a tenth of the rows, or where a solve that is always
-    the same took at one time more than DRIFT times as long as at another.
+    That is where the load was beyond the cores of the machine at a tenth of the rows, where a solve that is always the
+    same took at one time more than DRIFT times as long as at another, or where kernels were not compiled.
 
     Parameters
     ----------
@@ -114,8 +114,10 @@ def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
     Do not rely on these times: the load was beyond the 2 cores at 1 of 2 pairs (up to 9.8)
     one and the same solve took up to 3.2 times as long as at its best.
     """
-    reasons: list[str] = []
-    cores, loads = (meta.get("machine") or {}).get("threads"), rows["loadavg"].dropna()
+    machine = meta.get("machine") or {}
+    compiled = str(machine.get("kernels", "")).partition(". ")[0]
+    reasons = [f"kernels are {compiled}"] if compiled.startswith("NOT") else []
+    cores, loads = machine.get("threads"), rows["loadavg"].dropna()
     busy = int((loads > cores).sum()) if cores else 0
     if busy and busy >= BUSY * len(loads):
         pairs = f"{busy} of {counted(len(loads), 'pair')}"

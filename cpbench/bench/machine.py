@@ -8,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from cpbench.foundation import kernels
+
 PACKAGES = ("cpbench", "numpy", "scipy", "h5py", "qpsolvers", "cvxpy", "casadi", "pandas", "matplotlib")
 
 
@@ -22,6 +24,7 @@ def describe() -> dict[str, Any]:
         "ram_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "os": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
+        "kernels": kernels.described(),
         "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
     }
 

@@ -12,7 +12,6 @@ from cpbench.bench.availability import SolverState
 from cpbench.cli.list_command import HEAD, RESTRICTED, cells
 from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
-from cpbench.foundation import kernels
 from cpbench.solvers.base import solvers
 
 
@@ -26,7 +25,6 @@ def command() -> None:
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     chosen = list(solvers)
-    click.echo(f"kernels      {kernels.described()}")
     states = availability.examine(chosen)
     seen = {one.name: one for one in shown_progress(states, len(chosen), "trying solvers")}
     print_lines(fitted(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width())))

@@ -25,8 +25,6 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels", "cpbench_solvers.kernels")
-"""Packages of kernels that come with cpbench."""
 MODELS = {"v2": "x86-64-v2", "v3": "x86-64-v3", "generic": ""}
 """Processors as LLVM names them, by level of instructions."""
 LARGE = 100_000
@@ -153,7 +151,7 @@ def _ended(package: str, process: subprocess.Popen[str]) -> list[str]:
 
 def folder_of(package: str) -> Path:
     """Return where a package lies. Raises ModuleNotFoundError."""
-    if package in PACKAGES:
+    if ROOT.joinpath(*package.split(".")).is_dir():
         return ROOT.joinpath(*package.split("."))
     spec = importlib.util.find_spec(package)
     if spec is None or not spec.submodule_search_locations:
@@ -218,7 +216,7 @@ def _stand_in(package: str) -> None:
 def main() -> int:
     """Compile what has changed, or one library, and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("packages", nargs="*", default=PACKAGES, help="packages of kernels (default: those of cpbench)")
+    parser.add_argument("packages", nargs="*", help="packages of kernels (default: those of cpbench)")
     parser.add_argument("--level", action="append", choices=MODELS, help="instructions (default: this processor's)")
     parser.add_argument("--library", nargs=3, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -227,9 +225,9 @@ def main() -> int:
         compile_library(package, level, int(number))
         return 0
     _stand_in("cpbench.foundation")
-    from cpbench.foundation.kernels import level as processor_level
+    from cpbench.foundation import kernels
 
-    errors = build(arguments.packages, arguments.level or [processor_level()])
+    errors = build(arguments.packages or kernels.PACKAGES, arguments.level or [kernels.level()])
     for line in errors:
         print(line, file=sys.stderr)
     return 2 if errors else 0

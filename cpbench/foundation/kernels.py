@@ -18,15 +18,17 @@ import functools
 import hashlib
 import importlib
 import os
-import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+PACKAGES = ("cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels", "cpbench_solvers.kernels")
+"""Packages of kernels that come with cpbench."""
 LIBRARY = "_compiled"
 """Name of the library in a package of kernels; after it stands the level of instructions."""
 CHECKED = "CPBENCH_CHECKED_KERNELS"
@@ -162,12 +164,13 @@ def level() -> str:
 
 
 def described() -> str:
-    """Return what the kernels that this process has imported run as."""
-    if not not_compiled:
+    """Return what the kernels of cpbench run as in this installation, and which of them are not compiled."""
+    stale = [package for package in PACKAGES if find_spec(package) and not _levels(package)]
+    if not stale:
         return f"compiled for this processor's level of instructions ({level()})"
     return (
-        f"{len(not_compiled)} are NOT compiled, or have changed since, as {not_compiled[0]}: Python runs them, "
-        "a hundred times slower or more; run, with a C compiler: python -m cpbench.foundation.kernel_build"
+        f"NOT compiled, or changed since: {', '.join(stale)}. Python runs them, a hundred times slower or more; "
+        "run, with a C compiler: python -m cpbench.foundation.kernel_build"
     )
 
 
@@ -183,15 +186,18 @@ def is_current(folder: Path, instructions: str) -> bool:
     return stamp.is_file() and stamp.read_text() == state(folder)
 
 
+def _levels(package: str) -> list[str]:
+    """Return the levels for which a package has libraries that are current and run here, the best first."""
+    folder = Path(importlib.import_module(package).__path__[0])
+    return [one for one in dict.fromkeys((level(), "v2")) if is_current(folder, one)]
+
+
 @functools.cache
 def _library(package: str) -> Mapping[str, Any]:
     """Return the compiled kernels of a package, the best that this processor can run; none where it has no library that
     is current."""
-    folder = Path(sys.modules[package].__path__[0])
-    for instructions in (level(), "v2"):
+    for instructions in _levels(package):
         with contextlib.suppress(ModuleNotFoundError):
-            if not is_current(folder, instructions):
-                continue
             found = vars(importlib.import_module(f"{package}.{LIBRARY}_{instructions}_0")).copy()
             with contextlib.suppress(ModuleNotFoundError):  # a small package has one library
                 found |= vars(importlib.import_module(f"{package}.{LIBRARY}_{instructions}_1"))

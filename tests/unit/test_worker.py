@@ -298,3 +298,9 @@ def test_a_load_beyond_the_cores_is_reported_from_a_tenth_of_the_rows(busy: int,
 def test_a_drift_of_the_machine_is_reported_beyond_a_half(drift: float, said: bool) -> None:
     about = meta(references=[{"seconds": 0.01}, {"seconds": 0.01 * drift}, {"seconds": None}])
     assert bool(cautions.disturbance(_loaded([1.0]), about)) == said
+
+
+def test_times_of_kernels_that_are_not_compiled_are_not_relied_on() -> None:
+    about = {"machine": {"kernels": "NOT compiled, or changed since: cpbench_solvers.kernels. Python runs them"}}
+    warning = cautions.disturbance(_loaded([1.0]), about)
+    assert warning == "Do not rely on these times: kernels are NOT compiled, or changed since: cpbench_solvers.kernels."
