@@ -12,9 +12,8 @@ from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
 from cpbench.bench.results.store import Store
 from cpbench.generators.collection import address_text
-from cpbench.report import row_files
-from cpbench.report.folder import write_folder
-from cpbench.report.run import ProblemOrigin
+from cpbench.report import documents, page, row_files
+from cpbench.report.run import ProblemOrigin, assembled
 from cpbench.report.text import cut
 from cpbench.storage.base import require_folder
 
@@ -38,30 +37,28 @@ def write_report(
     publishable: bool = False,
     count_stationary: bool = False,
 ) -> tuple[list[Path], list[str]]:
-    """Write Markdown, the offline page, figures and rows into a folder; returns the files, and what was left out.
+    """Write report.md, report.html, figures and results.csv; returns the first two, and what was left out.
 
     Parameters
     ----------
     run : the rows of the store, read here where they are not at hand. csv : whether the rows are written; None where
-        they are not too many. Others are those of `report.folder.write_folder`.
+        they are not too many. comparison : with another run (`analysis.comparison`), a section of its own.
+    publishable : whether solvers whose figures must not be published are left out of everything.
+    count_stationary : whether answers that are stationary only are among the solved.
     """
     run = RunTable.of(store.table(), store.meta()) if run is None else run
     run = replace(run, meta={**run.meta, "sha256": store.sha256()})
     many = csv is None and len(run.rows) > row_files.MOST
     notes = [f"no results.csv: {len(run.rows)} rows are more than {row_files.MOST}; --csv writes it all the same"]
-    files = write_folder(
-        run,
-        folder,
-        title,
-        history.table(store.histories()),
-        comparison=comparison,
-        has_csv=csv is not False and not many,
-        origins=_origins(store, run.stored),
-        address=address_text,
-        publishable=publishable,
-        count_stationary=count_stationary,
-    )
-    return list(files), notes if many else []
+    has_csv = csv is not False and not many
+    chosen = {"publishable": publishable, "count_stationary": count_stationary, "has_csv": has_csv}
+    origins, histories = _origins(store, run.stored), history.table(store.histories())
+    whole = assembled(run, folder, histories, origins=origins, address=address_text, **chosen)
+    markdown, text = documents.write(whole, title, comparison)
+    html = page.write(whole, text)
+    if has_csv:
+        row_files.write(whole.timed, folder / "results.csv")
+    return [markdown, html], notes if many else []
 
 
 def report_file(

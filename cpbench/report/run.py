@@ -175,7 +175,16 @@ def assembled(
     count_stationary: bool = False,
     address: Callable[[str], str] = str,
 ) -> Run:
-    """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
+    """Return the run that a report is about.
+
+    Parameters
+    ----------
+    given : the rows of the results store, with facts of the run by name (command, date, timeout [s], machine, ...).
+    folder : of the report. histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
+    publishable : whether solvers whose figures must not be published are left out of everything. has_csv : whether
+    results.csv is beside the report. count_stationary : whether answers that are stationary only are among the solved.
+    origins : source and licence of the problems, by family. address : what stands for the address of a problem.
+    """
     rows = _without_folders(given.rows, address)
     begun = rows["fingerprint"].isin(rows.loc[rows["status"] != str(Status.NOT_RUN), "fingerprint"])
     waiting = int((~begun).sum()) if begun.any() else 0
