@@ -46,8 +46,8 @@ CELLS = 2**21
 
 def families_of(group: pd.DataFrame) -> pd.Series[str]:
     """Return the family of each problem of a group, by fingerprint; of a problem in two families the first by name."""
-    known = group[["fingerprint", "family"]].drop_duplicates().sort_values(["fingerprint", "family"])
-    return known.drop_duplicates("fingerprint").set_index("fingerprint")["family"]
+    pairs = group[["fingerprint", "family"]].drop_duplicates().sort_values(["fingerprint", "family"])
+    return pairs.drop_duplicates("fingerprint").set_index("fingerprint")["family"]
 
 
 def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) -> tuple[npt.NDArray[np.intp], int]:
@@ -62,9 +62,9 @@ def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) ->
     name = families.reindex(problems)
     alone = (name.isna() | (name == "")).to_numpy()
     codes = np.empty(len(problems), dtype=np.intp)
-    codes[~alone], known = pd.factorize(name.to_numpy()[~alone], sort=True)
-    codes[alone] = len(known) + np.arange(alone.sum())
-    return codes, len(known) + int(alone.sum())
+    codes[~alone], distinct = pd.factorize(name.to_numpy()[~alone], sort=True)
+    codes[alone] = len(distinct) + np.arange(alone.sum())
+    return codes, len(distinct) + int(alone.sum())
 
 
 def mean_time(
@@ -90,8 +90,8 @@ def mean_time(
         counted = ~lost.loc[matrix.index, matrix.columns].to_numpy(dtype=bool)
     top = np.where(counted, logged(np.where(np.isfinite(seconds), seconds, charge), shift), 0.0)
     clustered = clusters(matrix.index, families)
-    found = intervals(top, counted, clustered, lambda x: unlogged(x, shift), **given)
-    return found.set_axis(pd.Index([str(label) for label in matrix.columns], name="label"))
+    estimates = intervals(top, counted, clustered, lambda x: unlogged(x, shift), **given)
+    return estimates.set_axis(pd.Index([str(label) for label in matrix.columns], name="label"))
 
 
 def intervals(

@@ -72,8 +72,8 @@ def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
         return _launch(started)
     if metric.name == "reported" and (started := launching(labels, sheets)):
         return f"What {', '.join(started)} reports may have the launch of a program in it."
-    if metric.counter == "iterations" and len(found := methods(labels, sheets)) > 1:
-        methods_text = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
+    if metric.counter == "iterations" and len(by_method := methods(labels, sheets)) > 1:
+        methods_text = "; ".join(f"{method} ({', '.join(names)})" for method, names in by_method.items())
         return f"An iteration is another thing in each method: {methods_text}. Counts do not compare."
     return ""
 

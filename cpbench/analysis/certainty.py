@@ -35,10 +35,10 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
     facts = {"verified": met, **{level: met & (rows["certainty"] == level) for level in LEVELS}}
     distance = rows["distance"].where(met).groupby(rows["label"])
     facts |= {"false": lies, "disproved": lies & disproved(rows)}
-    found = pd.DataFrame(facts).astype(int).groupby(rows["label"]).sum()
-    for place, (name, values) in enumerate({"median": distance.median(), "largest": distance.max()}.items()):
-        found.insert(1 + len(LEVELS) + place, name, values)
-    return found.reset_index()
+    counts = pd.DataFrame(facts).astype(int).groupby(rows["label"]).sum()
+    for offset, (name, values) in enumerate({"median": distance.median(), "largest": distance.max()}.items()):
+        counts.insert(1 + len(LEVELS) + offset, name, values)
+    return counts.reset_index()
 
 
 def disproved(table: pd.DataFrame) -> pd.Series:

@@ -61,11 +61,11 @@ def contact_table(problem: ContactProblem, point: Point, tolerance: float = 1e-6
     """
     states = contact_states(problem, point, tolerance)
     moment, rolling, rolls = _rolling(problem, point, states, tolerance)
-    known = problem.contacts
-    numbered = known is not None and known.knows("id") and problem.nc > 0
-    bodies, touched, load = _loads(states, known)
+    contacts = problem.contacts
+    numbered = contacts is not None and contacts.knows("id") and problem.nc > 0
+    bodies, touched, load = _loads(states, contacts)
     return ContactTable(
-        id=known.id if numbered and known is not None else np.arange(problem.nc, dtype=np.int64),
+        id=contacts.id if numbered and contacts is not None else np.arange(problem.nc, dtype=np.int64),
         normal=states.r[:, 0],
         friction=np.linalg.norm(states.share, axis=1),
         opening=states.u[:, 0],
@@ -104,8 +104,8 @@ def _loads(states: ContactStates, known: Contacts | None) -> tuple[NDArray[np.in
     """Return the bodies, how many contacts hold each, and the sum of the reactions on each."""
     if known is None or not known.count or not known.knows("bodies"):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3))
-    bodies, place = np.unique(known.bodies, return_inverse=True)
-    first, second = place.reshape(-1, 2).T
+    bodies, positions = np.unique(known.bodies, return_inverse=True)
+    first, second = positions.reshape(-1, 2).T
     closed = (states.state != str(State.OPEN)).astype(np.int64)
     touched = np.zeros(bodies.size, np.int64)
     np.add.at(touched, first, closed)

@@ -54,9 +54,9 @@ class Contradiction:
 def of_results(meta: Mapping[str, Any], table: pd.DataFrame) -> list[Contradiction]:
     """Return the contradictions that results keep among their facts (`meta`), or those of claims where none were looked
     for; without those of rows that `table`, normalised, does not have."""
-    found = kept(meta) if META in meta else list(of_claims(table))
-    keys = set(table["key"]) if found else set()
-    return [one for one in found if keys.issuperset(one.rows)]
+    contradictions = kept(meta) if META in meta else list(of_claims(table))
+    keys = set(table["key"]) if contradictions else set()
+    return [one for one in contradictions if keys.issuperset(one.rows)]
 
 
 def kept(meta: Mapping[str, Any]) -> list[Contradiction]:
@@ -111,5 +111,5 @@ def named(labels: Iterable[str]) -> str:
 
 def involving(found: Iterable[Contradiction], keys: Iterable[str]) -> list[Contradiction]:
     """Return the contradictions in which one of the rows has a part."""
-    known = set(keys)
-    return [one for one in found if known.intersection(one.rows)]
+    key_set = set(keys)
+    return [one for one in found if key_set.intersection(one.rows)]

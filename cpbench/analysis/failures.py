@@ -78,8 +78,8 @@ def hardest(table: pd.DataFrame, share: float = 0.25) -> pd.DataFrame:
     count = count[(count["solved"] <= share * count["started"]) & ~(proved & (count["solved"] == 0))]
     named = started.assign(name=rows_of.problem_names(started)).sort_values(["error", "label"], kind="stable")
     closest = named.drop_duplicates(["node", "fingerprint"])
-    found = closest.merge(count.reset_index(), on=["node", "fingerprint"])
-    order = found.assign(share=found["solved"] / found["started"], pairs=-found["started"])
+    problems = closest.merge(count.reset_index(), on=["node", "fingerprint"])
+    order = problems.assign(share=problems["solved"] / problems["started"], pairs=-problems["started"])
     return order.sort_values(["share", "pairs", "node", "name"], ignore_index=True)
 
 

@@ -38,10 +38,10 @@ def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     >>> charged(rows, path)["seconds"].tolist()
     [1.5, 3.0]
     """
-    place, seconds, kept = _charged(rows, histories)
-    own = rows[["fingerprint", "label", "solve", *BEFORE]].iloc[place].reset_index(drop=True)
-    found = pd.concat([histories[kept].reset_index(drop=True), own], axis=1).assign(seconds=seconds)
-    return found.sort_values(["label", "fingerprint", "time"], kind="stable", ignore_index=True)
+    positions, seconds, kept = _charged(rows, histories)
+    own = rows[["fingerprint", "label", "solve", *BEFORE]].iloc[positions].reset_index(drop=True)
+    iterates = pd.concat([histories[kept].reset_index(drop=True), own], axis=1).assign(seconds=seconds)
+    return iterates.sort_values(["label", "fingerprint", "time"], kind="stable", ignore_index=True)
 
 
 def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
@@ -51,21 +51,23 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     `reached` counts the problems on which an iterate was that good; `seconds` is the median time over all problems of
     the group, those that were not reached counting as ∞. Errors that a label reached nowhere have no row.
     """
-    place, seconds, kept = _charged(rows, histories)
+    positions, seconds, kept = _charged(rows, histories)
     error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
     levels = sorted(e for e in ERRORS if e >= 0.99 * rows["tolerance"].min())
-    iterates = rows[["label", "fingerprint"]].iloc[place].assign(level=np.searchsorted(levels, error), seconds=seconds)
+    iterates = (
+        rows[["label", "fingerprint"]].iloc[positions].assign(level=np.searchsorted(levels, error), seconds=seconds)
+    )
     first = iterates.groupby(["level", "label", "fingerprint"])["seconds"].min()
     pairs = pd.MultiIndex.from_product([sorted(iterates["label"].unique()), sorted(rows["fingerprint"].unique())])
     # what was as good as a tighter level is as good as this one
     times = first.unstack("level").reindex(index=pairs, columns=range(len(levels))).fillna(math.inf).cummin(axis=1)
     by_label = times.groupby(level=0, sort=True)
-    found = pd.DataFrame(
+    points = pd.DataFrame(
         {"reached": (times < math.inf).groupby(level=0).sum().stack(), "seconds": by_label.median().stack()}
     )
-    found = found.rename_axis(["label", "level"]).reset_index()
-    found = found.assign(error=np.array(levels)[found["level"].to_numpy(dtype=int)])
-    whole = found[found["reached"] > 0].sort_values(["label", "error"], ascending=[True, False], ignore_index=True)
+    points = points.rename_axis(["label", "level"]).reset_index()
+    points = points.assign(error=np.array(levels)[points["level"].to_numpy(dtype=int)])
+    whole = points[points["reached"] > 0].sort_values(["label", "error"], ascending=[True, False], ignore_index=True)
     return whole[["label", "error", "reached", "seconds"]]
 
 
@@ -76,10 +78,10 @@ def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array,
     Keys are looked up once each: a history names its row as often as it has iterates.
     """
     codes, keys = pd.factorize(histories["key"])
-    place = pd.Index(rows["key"]).get_indexer(pd.Index(keys))[codes]
-    kept = place >= 0
-    place = place[kept]
-    solve = rows["solve"].to_numpy(dtype=float)[place]
+    positions = pd.Index(rows["key"]).get_indexer(pd.Index(keys))[codes]
+    kept = positions >= 0
+    positions = positions[kept]
+    solve = rows["solve"].to_numpy(dtype=float)[positions]
     share, time = (histories.loc[kept, name].to_numpy(dtype=float) for name in ("share", "time"))
-    rest = np.nansum(rows[list(BEFORE)].to_numpy(dtype=float), axis=1)[place]
-    return place, np.where(np.isnan(solve), time, share * solve) + rest, kept
+    rest = np.nansum(rows[list(BEFORE)].to_numpy(dtype=float), axis=1)[positions]
+    return positions, np.where(np.isnan(solve), time, share * solve) + rest, kept

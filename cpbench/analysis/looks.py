@@ -26,13 +26,13 @@ def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
     {'b': 0, 'a': 1, 'c': 3}
     """
     labels = sorted(str(label) for label in table["label"].unique())
-    place = {label: k for k, label in enumerate(labels)}
+    ranks = {label: k for k, label in enumerate(labels)}
     groups = rows_of.groups(starts.merged(table))
     weight = np.zeros((len(labels), len(groups)))
     for g, (_, rows) in enumerate(groups):
         first = performance_profile(rows_of.times(rows), lost=rows_of.lost(rows)).leading(LEADING)
         for k, label in enumerate(first):
-            weight[place[label], g] = LEADING - k
+            weight[ranks[label], g] = LEADING - k
     taken = np.zeros((colours, len(groups)))
     used = np.zeros(colours, dtype=int)
     result: dict[str, int] = {}

@@ -144,17 +144,17 @@ def spent(group: pd.DataFrame, metric: Metric) -> Floats:
     [1.5, nan]
     """
     if metric.counter:
-        place, texts = _parsed(group)
-        return np.array([_number(counted.get(metric.counter)) for counted in texts], dtype=float)[place]
+        codes, texts = _parsed(group)
+        return np.array([_number(counted.get(metric.counter)) for counted in texts], dtype=float)[codes]
     *others, last = (pd.to_numeric(group[name]).to_numpy(dtype=float) for name in metric.columns)
     return np.sum([last, *(np.where(np.isnan(part), 0.0, part) for part in others)], axis=0)
 
 
 def _parsed(group: pd.DataFrame) -> tuple[rows_of.Integers, list[dict[str, object]]]:
     """Parse the distinct texts of the column `counters`, and return which of them each row has."""
-    place, texts = pd.factorize(group["counters"].fillna(""))
+    codes, texts = pd.factorize(group["counters"].fillna(""))
     try:
-        return np.asarray(place), json.loads(f"[{','.join(text or '{}' for text in texts)}]")
+        return np.asarray(codes), json.loads(f"[{','.join(text or '{}' for text in texts)}]")
     except ValueError as cause:
         raise StoreError(f"column counters: {cause}; it holds one JSON object a row, or nothing") from None
 

@@ -28,11 +28,11 @@ def absences(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, int]]:
     {('missing', 'pip install g'): {'a': 2, 'b': 1}}
     """
     absent = table.loc[table["status"] == str(Status.UNAVAILABLE), ["message", "solver"]]
-    found: dict[tuple[str, str], dict[str, int]] = {}
+    counts: dict[tuple[str, str], dict[str, int]] = {}
     for (message, solver), count in absent.value_counts().sort_index().items():  # type: ignore[misc]
         state, _, detail = message.partition(": ")
-        found.setdefault((state, detail), {})[solver] = int(count)
-    return found
+        counts.setdefault((state, detail), {})[solver] = int(count)
+    return counts
 
 
 def participating(group: pd.DataFrame) -> pd.DataFrame:

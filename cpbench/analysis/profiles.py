@@ -195,5 +195,5 @@ def performance_profile(
 
 
 def _curve(label: str, steps: Floats, problems: int) -> Curve:
-    found, count = np.unique(steps[np.isfinite(steps)], return_counts=True)
-    return Curve(label, found, tuple(np.cumsum(count).tolist()), problems)
+    distinct, count = np.unique(steps[np.isfinite(steps)], return_counts=True)
+    return Curve(label, distinct, tuple(np.cumsum(count).tolist()), problems)

@@ -192,8 +192,8 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     places = {label: k for k, label in enumerate(order(rows, times, factors))}
     ranked.sort(key=lambda r: places.get(r.solver, len(places)))
     left = int(started.loc[hopeless, "fingerprint"].nunique())
-    found = Ranking(group, name, problems, cases, tuple(ranked), Advice("", "", ""))
-    return replace(found, advice=advice(found, rows, times, left, int(refuted.sum())))
+    ranking = Ranking(group, name, problems, cases, tuple(ranked), Advice("", "", ""))
+    return replace(ranking, advice=advice(ranking, rows, times, left, int(refuted.sum())))
 
 
 def _ranked(
@@ -240,28 +240,28 @@ def _routes(rows: pd.DataFrame) -> dict[str, tuple[str, int]]:
     are.
     """
     taken = rows.loc[rows["route"] != "", ["label", "route"]].value_counts()
-    found: dict[str, list[tuple[int, str]]] = {}
+    by_label: dict[str, list[tuple[int, str]]] = {}
     for (label, route), count in taken.items():  # type: ignore[misc]
-        found.setdefault(str(label), []).append((-int(count), str(route)))
-    return {label: (min(routes)[1], len(routes) - 1) for label, routes in found.items()}
+        by_label.setdefault(str(label), []).append((-int(count), str(route)))
+    return {label: (min(routes)[1], len(routes) - 1) for label, routes in by_label.items()}
 
 
 def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[str]]:
     """Return the warnings that a reader needs about each label."""
-    found: dict[str, list[str]] = {}
+    warnings: dict[str, list[str]] = {}
 
     def warn(counts: Mapping[str, int], text: str) -> None:
         for label, count in counts.items():
-            found.setdefault(label, []).append(f"{text} {count}")
+            warnings.setdefault(label, []).append(f"{text} {count}")
 
     for label in sorted(set(launching) & set(rows["label"])):
-        found.setdefault(label, []).append(LAUNCHES)
+        warnings.setdefault(label, []).append(LAUNCHES)
     for label, trip in cautions.served(rows).items():
-        found.setdefault(label, []).append(f"served (round trip {cautions.microseconds(trip)})")
+        warnings.setdefault(label, []).append(f"served (round trip {cautions.microseconds(trip)})")
     inexact = {str(kind) for kind in Kind if not kind.exact}
     for label, kind in rows_of.label_kinds(rows).items():
         if kind in inexact:
-            found.setdefault(label, []).append(f"{kind} route")
+            warnings.setdefault(label, []).append(f"{kind} route")
     failing = false_claims(rows)
     almost = near(failing) & ~rows_of.contradicted(failing)
     warn(_count(failing[~almost]), FALSE)
@@ -269,4 +269,4 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
     warn(cautions.fell_back(rows), "fell back to cold")
     for status, text in ENDINGS.items():
         warn(_count(rows[rows["status"] == status]), text)
-    return found
+    return warnings

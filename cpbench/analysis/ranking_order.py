@@ -81,10 +81,10 @@ def mean_times(rows: pd.DataFrame, times: pd.DataFrame) -> Mapping[str, float]:
     there = stationary.reindex(index=times.index, columns=times.columns, fill_value=False).to_numpy(dtype=bool)
     charged = np.where(finite, seconds, np.where(there, slowest, max(limit, FLOOR)))
     average = np.exp(np.log(charged).mean(axis=0)) if len(charged) else np.full(charged.shape[1], math.nan)
-    found = dict(zip((str(label) for label in times), average.tolist(), strict=True))
+    by_label = dict(zip((str(label) for label in times), average.tolist(), strict=True))
     if math.isnan(limit):
         return dict.fromkeys((str(label) for label in rows["label"].unique()), math.nan)
-    return {str(label): found.get(str(label), math.inf) for label in rows["label"].unique()}
+    return {str(label): by_label.get(str(label), math.inf) for label in rows["label"].unique()}
 
 
 def order(rows: pd.DataFrame, times: pd.DataFrame, factors: Mapping[str, float]) -> list[str]:

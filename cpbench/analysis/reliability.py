@@ -81,8 +81,8 @@ def claim_counts(group: pd.DataFrame) -> pd.DataFrame:
         "false": count(failing & ~denied & ~near(group)),
         "nonexistence": count(denied),
     }
-    found = pd.DataFrame({"made": count(made), **parts}, index=pd.Index(labels, name="label"))
-    return found.assign(open=found["made"] - found[list(parts)].sum(axis=1))
+    counts = pd.DataFrame({"made": count(made), **parts}, index=pd.Index(labels, name="label"))
+    return counts.assign(open=counts["made"] - counts[list(parts)].sum(axis=1))
 
 
 def unproved(table: pd.DataFrame) -> pd.DataFrame:
@@ -109,9 +109,9 @@ def losses(table: pd.DataFrame) -> pd.DataFrame:
     """
     lost = table.loc[table["status"] == str(Status.LOST), ["route", "error", "target_error"]]
     factor = (lost["error"] / lost["target_error"]).where(lost["target_error"] > 0, math.inf)
-    found = lost.assign(factor=factor).groupby("route", sort=True)["factor"].agg(["size", "max"]).reset_index()
-    found = found.set_axis(["route", "lost", "factor"], axis=1)
-    return found.sort_values(["lost", "route"], ascending=[False, True], ignore_index=True)
+    routes = lost.assign(factor=factor).groupby("route", sort=True)["factor"].agg(["size", "max"]).reset_index()
+    routes = routes.set_axis(["route", "lost", "factor"], axis=1)
+    return routes.sort_values(["lost", "route"], ascending=[False, True], ignore_index=True)
 
 
 def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
@@ -126,7 +126,7 @@ def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
     unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= target_tolerance(inexact)
     done = there | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
     facts = {"pairs": True, "solved": rows_of.solved(inexact), "missed": done & ~rows_of.met(inexact)}
-    way = [inexact["label"], inexact["kind"]]
-    counts = pd.DataFrame(facts, index=inexact.index).astype(int).groupby(way, sort=True).sum()
-    error = inexact["error"].where(np.isfinite(inexact["error"])).groupby(way)
+    keys = [inexact["label"], inexact["kind"]]
+    counts = pd.DataFrame(facts, index=inexact.index).astype(int).groupby(keys, sort=True).sum()
+    error = inexact["error"].where(np.isfinite(inexact["error"])).groupby(keys)
     return counts.assign(median=error.median(), largest=error.max()).reset_index()

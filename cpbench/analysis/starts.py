@@ -64,13 +64,13 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
     warm over cold over the pairs that both solved: `time` [s/s] and `iterations` (both NaN where there is no such pair,
     iterations also where the solver counts none).
     """
-    found = pairs(table)
-    warm, cold = rows_of.solved(found).to_numpy(), found["status_cold"].isin(VERIFIED).to_numpy()
-    fell_back = found["fell_back"].to_numpy()
+    pair_rows = pairs(table)
+    warm, cold = rows_of.solved(pair_rows).to_numpy(), pair_rows["status_cold"].isin(VERIFIED).to_numpy()
+    fell_back = pair_rows["fell_back"].to_numpy()
     common = warm & cold & ~fell_back
     rows: list[dict[str, object]] = []
-    for case, at in found.groupby(_CASE, sort=True).indices.items():
-        both = found[["time", "time_cold", "iterations", "iterations_cold"]].iloc[at[common[at]]]
+    for case, at in pair_rows.groupby(_CASE, sort=True).indices.items():
+        both = pair_rows[["time", "time_cold", "iterations", "iterations_cold"]].iloc[at[common[at]]]
         rows.append(
             {
                 **_named(case),
@@ -158,10 +158,10 @@ _REASONS = 4
 
 def _counted_alike(reasons: list[str]) -> str:
     """Format as `190 cold: 21 contacts before, 22 now (and alike); 10 cold: first step`."""
-    found: dict[str, list[str]] = {}
+    alike: dict[str, list[str]] = {}
     for reason in reasons:
-        found.setdefault(re.sub(r"\d+", "#", reason), []).append(reason)
-    most = sorted(found.values(), key=len, reverse=True)
+        alike.setdefault(re.sub(r"\d+", "#", reason), []).append(reason)
+    most = sorted(alike.values(), key=len, reverse=True)
     parts = [f"{len(same)} {same[0]}{' (and alike)' if len(set(same)) > 1 else ''}" for same in most[:_REASONS]]
     rest = sum(map(len, most[_REASONS:]))
     return "; ".join([*parts, *([f"{rest} for other reasons"] if rest else [])])

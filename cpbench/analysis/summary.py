@@ -20,8 +20,8 @@ def quantile(times: pd.DataFrame, share: float) -> pd.Series[float]:
     """
     ordered = np.sort(times.fillna(np.inf).to_numpy(dtype=float), axis=0)
     # 0.07 · 100 is 7.000000000000001 in doubles, and the 7th value it is that has 7 % within
-    place = math.ceil(share * len(ordered) - 1e-9) - 1
-    return pd.Series(ordered[place] if len(ordered) else math.nan, index=times.columns, dtype=float)
+    position = math.ceil(share * len(ordered) - 1e-9) - 1
+    return pd.Series(ordered[position] if len(ordered) else math.nan, index=times.columns, dtype=float)
 
 
 def verdicts(group: pd.DataFrame) -> pd.DataFrame:
@@ -32,9 +32,11 @@ def verdicts(group: pd.DataFrame) -> pd.DataFrame:
     {'a': {'solved': 1, 'wrong': 0}, 'b': {'solved': 1, 'wrong': 1}}
     """
     label, labels = rows_of.codes(group["label"])
-    status, found = rows_of.codes(group["status"])
-    counts = np.bincount(label * len(found) + status, minlength=len(labels) * len(found))
-    wide = pd.DataFrame(counts.reshape(len(labels), len(found)), index=labels.rename("label"), columns=list(found))
+    status, statuses = rows_of.codes(group["status"])
+    counts = np.bincount(label * len(statuses) + status, minlength=len(labels) * len(statuses))
+    wide = pd.DataFrame(
+        counts.reshape(len(labels), len(statuses)), index=labels.rename("label"), columns=list(statuses)
+    )
     return wide[[s for s in rows_of.STATUSES if s in wide]]
 
 
@@ -50,17 +52,17 @@ def families(group: pd.DataFrame) -> pd.DataFrame:
     leading = count[count["count"] == count["family"].map(most)].sort_values(["family", "label"])
     best_of = leading.groupby("family")["label"].agg(list)
     parts = group.groupby("family", sort=True)
-    found = pd.DataFrame({"problems": parts["fingerprint"].nunique(), "pairs": parts.size()})
+    summary = pd.DataFrame({"problems": parts["fingerprint"].nunique(), "pairs": parts.size()})
     numbers = {
         "some": reached.groupby("family")["fingerprint"].nunique(),
         "solved": reached.groupby("family").size(),
         "most": most,
     }
     for name, values in numbers.items():
-        found[name] = values.reindex(found.index).fillna(0).astype(int)
-    found["best"] = [best_of.get(family, []) for family in found.index]
+        summary[name] = values.reindex(summary.index).fillna(0).astype(int)
+    summary["best"] = [best_of.get(family, []) for family in summary.index]
     columns = ["family", "problems", "some", "pairs", "solved", "most", "best"]
-    return found.rename_axis("family").reset_index()[columns]
+    return summary.rename_axis("family").reset_index()[columns]
 
 
 def beside(group: pd.DataFrame, part: str, tolerance: float) -> pd.DataFrame:
@@ -87,8 +89,8 @@ def size_ranges(group: pd.DataFrame) -> dict[str, tuple[int, int]]:
     >>> size_ranges(pd.DataFrame({"sizes": ['{"n": 3}', '{"n": 7, "m": 1}']}))
     {'m': (1, 1), 'n': (3, 7)}
     """
-    found: dict[str, list[int]] = {}
+    by_symbol: dict[str, list[int]] = {}
     for sizes in rows_of.sizes_read(group)[1]:
         for symbol, size in sizes.items():
-            found.setdefault(symbol, []).append(int(size))
-    return {symbol: (min(values), max(values)) for symbol, values in sorted(found.items())}
+            by_symbol.setdefault(symbol, []).append(int(size))
+    return {symbol: (min(values), max(values)) for symbol, values in sorted(by_symbol.items())}

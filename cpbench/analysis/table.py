@@ -69,21 +69,21 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
     (['not_run', 'solved'], ['key', 'problem', 'fingerprint', 'label', 'status'])
     """
     wanted = {*columns, *ROW} if columns else {*TEXT, *NUMBERS, *table}
-    known = {str(name): table[name].copy() for name in table if name in wanted and name not in (*TEXT, *NUMBERS)}
+    series = {str(name): table[name].copy() for name in table if name in wanted and name not in (*TEXT, *NUMBERS)}
     absent = pd.Series(np.nan, index=table.index)
-    known |= {name: _text(table.get(name, absent)) for name in TEXT if name in wanted}
-    known |= {name: _numbers(table.get(name, absent)) for name in NUMBERS if name in wanted}
+    series |= {name: _text(table.get(name, absent)) for name in TEXT if name in wanted}
+    series |= {name: _numbers(table.get(name, absent)) for name in NUMBERS if name in wanted}
     if "status" in wanted:
-        known["status"] = known["status"].replace("", str(Status.NOT_RUN))
+        series["status"] = series["status"].replace("", str(Status.NOT_RUN))
     if "error" in wanted:
-        known["error"] = known["error"].fillna(math.inf)
-    nameless = known["fingerprint"] == ""
+        series["error"] = series["error"].fillna(math.inf)
+    nameless = series["fingerprint"] == ""
     if nameless.any():
-        known["fingerprint"] = known["fingerprint"].where(~nameless, known["problem"])
-    clean = pd.DataFrame(known, index=table.index, copy=False)
+        series["fingerprint"] = series["fingerprint"].where(~nameless, series["problem"])
+    clean = pd.DataFrame(series, index=table.index, copy=False)
     if not columns:  # found from all rows: groups of them, and reports without some, would miss what contradicts
-        found = contradicted(clean)
-        clean = clean.drop(columns=CONTRADICTED, errors="ignore").assign(**{CONTRADICTED: found})
+        conflicts = contradicted(clean)
+        clean = clean.drop(columns=CONTRADICTED, errors="ignore").assign(**{CONTRADICTED: conflicts})
     places = _order(clean)
     if (np.diff(places) != 1).any():
         clean = clean.take(places)
@@ -98,8 +98,8 @@ def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
     >>> place.tolist(), names.tolist()
     ([1, 0, 1], ['a', 'b'])
     """
-    place, names = pd.factorize(values, sort=True)
-    return np.asarray(place, dtype=np.int64), pd.Index(names)
+    numbers, names = pd.factorize(values, sort=True)
+    return np.asarray(numbers, dtype=np.int64), pd.Index(names)
 
 
 def _order(clean: pd.DataFrame) -> Integers:
@@ -218,8 +218,8 @@ def _constant(values: pd.Series) -> bool:
 
 def limit(table: pd.DataFrame) -> float:
     """Return the longest a solve of these rows could take [s]; ∞ where none is known."""
-    known = table["seconds"].dropna()
-    return float(known.max()) if len(known) else math.inf
+    limits = table["seconds"].dropna()
+    return float(limits.max()) if len(limits) else math.inf
 
 
 def problem_names(table: pd.DataFrame) -> pd.Series[str]:
@@ -245,8 +245,8 @@ def sizes_read(group: pd.DataFrame) -> tuple[Integers, list[Mapping[str, float]]
     >>> place.tolist(), sizes
     ([0, 1, 0], [{'n': 3.0}, {}])
     """
-    place, texts = pd.factorize(group["sizes"])
-    return place, [{symbol: float(size) for symbol, size in (json.loads(t) if t else {}).items()} for t in texts]
+    positions, texts = pd.factorize(group["sizes"])
+    return positions, [{symbol: float(size) for symbol, size in (json.loads(t) if t else {}).items()} for t in texts]
 
 
 def sizes_of(group: pd.DataFrame, symbol: str) -> Floats:
@@ -255,8 +255,8 @@ def sizes_of(group: pd.DataFrame, symbol: str) -> Floats:
     >>> sizes_of(pd.DataFrame({"sizes": ['{"n": 3}', "", '{"m": 1}']}), "n").tolist()
     [3.0, nan, nan]
     """
-    place, sizes = sizes_read(group)
-    return np.array([known.get(symbol, math.nan) for known in sizes], dtype=float)[place]
+    positions, sizes = sizes_read(group)
+    return np.array([known.get(symbol, math.nan) for known in sizes], dtype=float)[positions]
 
 
 def pivot(table: pd.DataFrame, column: str, missing: Any) -> pd.DataFrame:
@@ -282,13 +282,13 @@ def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], m
     """
     fingerprint, prints = pd.factorize(table["fingerprint"])
     label, labels = codes(table["label"])
-    place = fingerprint * len(labels) + label
-    filled = np.bincount(place, minlength=len(prints) * len(labels))
+    cells = fingerprint * len(labels) + label
+    filled = np.bincount(cells, minlength=len(prints) * len(labels))
     if filled.max(initial=0) > 1:
-        row = table[(filled > 1)[place]].iloc[0]
+        row = table[(filled > 1)[cells]].iloc[0]
         raise StoreError(f"{row['problem']}, {row['label']}: two rows in one group; analyse each setting apart")
     wide = np.full(len(prints) * len(labels), missing, dtype=values.dtype)
-    wide[place] = values
+    wide[cells] = values
     names = list(zip(_names(table, fingerprint, len(prints)).tolist(), prints.tolist(), strict=True))
     order = sorted(range(len(names)), key=names.__getitem__)
     rows = wide.reshape(len(prints), len(labels))[order]

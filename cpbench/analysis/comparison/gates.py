@@ -139,11 +139,11 @@ def by_counters(
 
 def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
     """Find (solver without its variant, counter) that moved between two sides of the same code: they prove nothing."""
-    found: set[tuple[str, str]] = set()
+    moved: set[tuple[str, str]] = set()
     columns = ["solver", "counters_base", "counters_new"]
     for solver, base, new in pairs[columns].drop_duplicates().itertuples(index=False, name=None):
-        found |= {(_base(solver), name) for name in _changes(_read(base), _read(new), margin)}
-    return frozenset(found)
+        moved |= {(_base(solver), name) for name in _changes(_read(base), _read(new), margin)}
+    return frozenset(moved)
 
 
 def _base(solver: str) -> str:

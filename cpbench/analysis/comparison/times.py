@@ -56,7 +56,7 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise) -> 
     verdict[comparable] = str(PairVerdict.INCONCLUSIVE)
     verdict[within & ~decisive] = str(PairVerdict.SAME)
     verdict[decisive] = np.where(log[decisive] > 0, str(PairVerdict.REGRESSED), str(PairVerdict.IMPROVED))
-    found = pd.DataFrame(
+    judged = pd.DataFrame(
         {
             "ratio": ratio,
             "low": low,
@@ -68,7 +68,7 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise) -> 
         },
         index=pairs.index,
     )
-    return found.assign(time_why=_reasons(found, decisive, noise))
+    return judged.assign(time_why=_reasons(judged, decisive, noise))
 
 
 def samples_of(text: str, solve: float, time: float, flags: str) -> list[float]:
