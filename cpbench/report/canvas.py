@@ -181,14 +181,14 @@ def _caption(drawn: Drawing, guide: bool) -> tuple[float, float]:
     width, height = figure.get_size_inches()
     size = 9.0 if guide else 7.0
     title = wrapped(drawn.title if guide else drawn.short or drawn.title, _fits(figure, width - 0.2, size, "bold"))
-    place = {"x": 0.1 / width, "fontsize": size, "fontweight": "bold", "va": "bottom"}
-    figure.text(y=1 + (0.07 if guide else 0.04) / height, s="\n".join(title), **place)
+    style = {"x": 0.1 / width, "fontsize": size, "fontweight": "bold", "va": "bottom"}
+    figure.text(y=1 + (0.07 if guide else 0.04) / height, s="\n".join(title), **style)
     above = 0.08 + size / 60 * len(title) + (0.07 if guide else 0.0)
     if not guide:
         return above, 0.0
     lines = wrapped(drawn.guide, _fits(figure, width - 0.2, 6.5))
-    place = {"x": 0.1 / width, "fontsize": 6.5, "color": "#444444", "va": "top", "linespacing": 1.3}
-    figure.text(y=-0.06 / height, s="\n".join(lines), **place)
+    style = {"x": 0.1 / width, "fontsize": 6.5, "color": "#444444", "va": "top", "linespacing": 1.3}
+    figure.text(y=-0.06 / height, s="\n".join(lines), **style)
     return above, 0.125 * len(lines) + 0.12
 
 

@@ -104,8 +104,8 @@ def choose(run: Run, choice: Choice) -> SelectedRows:
     if not len(rows):
         raise CpbenchError("the results have no rows; make some with: cpbench run PROBLEMS -o RESULTS")
     if choice.families:
-        known = {str(family) for family in rows["family"]} - {""}
-        rows = rows[rows["family"].isin(matching(known, choice.families, "family"))]
+        families = {str(family) for family in rows["family"]} - {""}
+        rows = rows[rows["family"].isin(matching(families, choice.families, "family"))]
     for field, field_name in FIELDS.items():
         rows = _one_of(rows, field, str(getattr(choice, field) or ""), field_name)
     rows = _at(rows, choice.tolerance)
@@ -134,16 +134,16 @@ def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
 def _one_of(rows: pd.DataFrame, field: str, wanted: str, field_name: str) -> pd.DataFrame:
     """Select the rows of the wanted value of a field, or of the only one."""
     values = rows[field].map(_spelled)
-    known = sorted(set(values))
+    distinct = sorted(set(values))
     if wanted:
-        if wanted not in known:
-            raise UnknownName(field_name.removesuffix("s"), wanted, known)
+        if wanted not in distinct:
+            raise UnknownName(field_name.removesuffix("s"), wanted, distinct)
         return rows[values == wanted]
-    if len(known) > 1:
+    if len(distinct) > 1:
         sizes = rows["fingerprint"].groupby(values).nunique()
-        shown = ", ".join(f"{value or '(none)'} ({counted(int(sizes[value]), 'problem')})" for value in known)
+        shown = ", ".join(f"{value or '(none)'} ({counted(int(sizes[value]), 'problem')})" for value in distinct)
         flag = "--node" if field == "node" else f"-p {field}=VALUE"
-        raise CpbenchError(f"the results have {len(known)} {field_name}: choose one with {flag}: {shown}")
+        raise CpbenchError(f"the results have {len(distinct)} {field_name}: choose one with {flag}: {shown}")
     return rows
 
 
@@ -153,11 +153,11 @@ def _spelled(value: Any) -> str:
 
 def _at(rows: pd.DataFrame, tolerance: float) -> pd.DataFrame:
     """Return the rows at a tolerance, or at the only one."""
-    known = sorted(set(rows["tolerance"]))
-    listed = ", ".join(f"{value:g}" for value in known)
-    near = [value for value in known if math.isnan(tolerance) or math.isclose(value, tolerance, rel_tol=1e-9)]
+    tolerances = sorted(set(rows["tolerance"]))
+    listed = ", ".join(f"{value:g}" for value in tolerances)
+    near = [value for value in tolerances if math.isnan(tolerance) or math.isclose(value, tolerance, rel_tol=1e-9)]
     if not near:
         raise CpbenchError(f"--tolerance {tolerance:g}: nothing was run at it; there are {listed}")
-    if math.isnan(tolerance) and len(known) > 1:
-        raise CpbenchError(f"the results have {len(known)} tolerances: choose one with --tolerance: {listed}")
+    if math.isnan(tolerance) and len(tolerances) > 1:
+        raise CpbenchError(f"the results have {len(tolerances)} tolerances: choose one with --tolerance: {listed}")
     return rows[rows["tolerance"] == near[0]]

@@ -93,19 +93,19 @@ def context(run: Run, title: str) -> dict[str, Any]:
 def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
     ranking = next((one for one in run.rankings if one.group == group), None)
     times = run.compared[group].times
-    found = tables.of_group(run, group, rows, ranking)
+    group_tables = tables.of_group(run, group, rows, ranking)
     problems = rows["fingerprint"].nunique()
     sizes = [
         f"{plain(k)} {a}" if a == b else f"{plain(k)} {a} to {b}" for k, (a, b) in summary.size_ranges(rows).items()
     ]
-    order = [str(label) for label in found["verdicts"].frame["solver"]]
+    order = [str(label) for label in group_tables["verdicts"].frame["solver"]]
     return ShownGroup(
         name=group_name(run, group),
         anchor=re.sub(r"[^\w -]", "", group_name_text(run, group).lower()).replace(" ", "-"),
         problems=problems,
         pairs=len(rows),
         sizes=", ".join(sizes),
-        tables=found,
+        tables=group_tables,
         matrix=(matrix(rows, order, times), legend(rows)) if problems <= MATRIX_PROBLEMS else ("", ""),
         beside=BESIDE.get(group.node, ""),
     )

@@ -71,9 +71,9 @@ def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
 
 def _panel(axes: Axes, ranking: Ranking, profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]) -> None:
     """Draw the curves, and below them a line a named solver, the best first: its look, what it solved, its name."""
-    place = {row.solver: k for k, row in enumerate(ranking.rows)}
+    ranks = {row.solver: k for k, row in enumerate(ranking.rows)}
     named = profile.leading(NAMED)
-    curves = sorted(profile.curves, key=lambda curve: place.get(curve.label, len(place)))
+    curves = sorted(profile.curves, key=lambda curve: ranks.get(curve.label, len(ranks)))
     lines = figures.profile_lines(profile, curves, named, looks, kinds)
     figures.draw_lines(axes, lines, clip_on=False, linewidth=1.4, markersize=3)
     figures.profile_scales(axes, profile, 6)

@@ -40,10 +40,10 @@ def selected(rows: pd.DataFrame, names: Collection[str]) -> pd.DataFrame:
     >>> selected(rows, ["problem", "decade"]).values.tolist()
     [['p', '<=1e-03'], ['q', '<=1e-03']]
     """
-    known = [*map(str, rows.columns), DECADE]
+    columns = [*map(str, rows.columns), DECADE]
     for name in names:
-        if name not in known:
-            raise UnknownName("column of the rows", name, known)
+        if name not in columns:
+            raise UnknownName("column of the rows", name, columns)
     table = rows.assign(**{DECADE: _decades(rows)}) if DECADE in names else rows
     return table[list(names)].sort_values(list(names), kind="stable", ignore_index=True)
 

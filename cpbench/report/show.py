@@ -36,8 +36,8 @@ def text(problem: Problem) -> str:
     lines += [f"unknowns: {meaning(problem)}"]
     for step in problem.provenance:
         lines += ["", *history(step)]
-    known = {**problem.sizes(), **scalars(problem)}
-    lines += ["", "sizes: " + (", ".join(f"{symbol} = {value}" for symbol, value in known.items()) or "none")]
+    numbers = {**problem.sizes(), **scalars(problem)}
+    lines += ["", "sizes: " + (", ".join(f"{symbol} = {value}" for symbol, value in numbers.items()) or "none")]
     show = _numbers if is_small(problem) else _structure
     for label, value in problem.data().items():
         lines += ["", *show(label, value, shape(problem, label))]

@@ -101,8 +101,8 @@ def ranking_table(solvers: Sequence[RankedSolver]) -> Table:
 
 def precision(rows: pd.DataFrame, kept: pd.DataFrame) -> Table:
     """Return the median times to some errors, of the solvers whose iterates were kept (`analysis.histories`)."""
-    found = histories.work_precision(rows, kept) if len(kept) else pd.DataFrame({"label": [], "error": []})
-    wanted = [error for error in DECADES if (found["error"] <= error).any()]
+    curves = histories.work_precision(rows, kept) if len(kept) else pd.DataFrame({"label": [], "error": []})
+    wanted = [error for error in DECADES if (curves["error"] <= error).any()]
     problems = rows["fingerprint"].nunique()
 
     def cell(own: pd.DataFrame, error: float) -> str:
@@ -113,7 +113,7 @@ def precision(rows: pd.DataFrame, kept: pd.DataFrame) -> Table:
         return seconds(float(there["seconds"].iloc[0])) + (f" ({reached})" if reached < problems else "")
 
     forms = {"solver": "code", **{f"to {error:g}": "cell" for error in wanted}}
-    lines = ([label, *(cell(own, error) for error in wanted)] for label, own in found.groupby("label"))
+    lines = ([label, *(cell(own, error) for error in wanted)] for label, own in curves.groupby("label"))
     return Table.of(forms, lines)
 
 
@@ -216,8 +216,8 @@ def _certainty(run: Run) -> tuple[Table, Table, Table]:
 
 def _only(certificate: str) -> str:
     """Return the fact that makes the solution unique; a word where none is known."""
-    known = next((part for part in certificate.split("; ") if part.startswith("unique: ")), "")
-    return known.removeprefix("unique: ") or "not known"
+    uniqueness = next((part for part in certificate.split("; ") if part.startswith("unique: ")), "")
+    return uniqueness.removeprefix("unique: ") or "not known"
 
 
 def _directions(run: Run) -> Table:
@@ -364,15 +364,15 @@ def _beside(group: ResultGroup, rows: pd.DataFrame, order: Sequence[str]) -> Tab
     name = BESIDE.get(group.node, "")
     forms = {"solver": "code", "answers": "count", "median error": "number", f"median {name}": "number",
              "pass both": "count", "pass the error only": "count", f"pass {name} only": "count"}  # fmt: skip
-    found = summary.beside(rows.head(0) if group.measure else rows, name, group.tolerance)
-    shown = found.loc[[label for label in order if label in found.index]]
+    compared = summary.beside(rows.head(0) if group.measure else rows, name, group.tolerance)
+    shown = compared.loc[[label for label in order if label in compared.index]]
     return Table(shown.reset_index().set_axis(list(forms), axis=1), forms)
 
 
 def _families(rows: pd.DataFrame) -> Table:
     """Return what is solved of each family of problems, where there are several."""
-    found = summary.families(rows)
+    families = summary.families(rows)
     forms = {"family": "text", "problems": "count", "solved by some": "count", "pairs": "count",
              "solved pairs": "count", "most solved": "count", "by": "codes"}  # fmt: skip
-    found["family"] = found["family"].replace("", "(none)")
-    return Table((found if len(found) > 1 else found.head(0)).set_axis(list(forms), axis=1), forms)
+    families["family"] = families["family"].replace("", "(none)")
+    return Table((families if len(families) > 1 else families.head(0)).set_axis(list(forms), axis=1), forms)

@@ -28,7 +28,7 @@ def plain(value: Any) -> str:
     '&lt;script&gt; a\\\\|b \\\\*c\\\\* \\\\[d\\\\](e) max_iter \\\\_x'
     """
     line = one_line(value).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-    return _SPECIAL.sub(lambda found: "\\" + found[0], line)
+    return _SPECIAL.sub(lambda match: "\\" + match[0], line)
 
 
 def code(value: Any) -> str:

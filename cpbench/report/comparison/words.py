@@ -78,8 +78,8 @@ def versions(comparison: Comparison) -> list[str]:
     ours = [str(side.meta.get("cpbench", "")) for side in sides]
     if all(ours) and ours[0] != ours[1]:
         changes.append(f"cpbench {ours[0]} → {ours[1]}")
-    known = comparison.pairs[(comparison.pairs["version_base"] != "") & (comparison.pairs["version_new"] != "")]
-    moved = known[known["version_base"] != known["version_new"]]
+    versioned = comparison.pairs[(comparison.pairs["version_base"] != "") & (comparison.pairs["version_new"] != "")]
+    moved = versioned[versioned["version_base"] != versioned["version_new"]]
     for solver, base, new in sorted(
         set(zip(moved["solver"], moved["version_base"], moved["version_new"], strict=True))
     ):

@@ -42,11 +42,11 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     lines: list[figures.Line] = []
     figure, axes = figures.with_room(len(ends), notes=2)
     for k, label in enumerate(ends):
-        path, place = paths[label], chosen.looks[label] if k < figures.EMPHASISED else None
+        path, look = paths[label], chosen.looks[label] if k < figures.EMPHASISED else None
         corners = path["seconds"], path["error"].clip(lower=FLOOR)
-        lines.append(figures.Line(cut(label, figures.LABEL_LENGTH), f"{path['error'].min():.0e}", *corners, place))
-        if reported and place is not None:
-            colour = figures.colour(place)
+        lines.append(figures.Line(cut(label, figures.LABEL_LENGTH), f"{path['error'].min():.0e}", *corners, look))
+        if reported and look is not None:
+            colour = figures.colour(look)
             axes.plot(path["seconds"], path["residual"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     figures.draw_lines(axes, lines, steps=False)
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
@@ -67,8 +67,8 @@ def _of_one(rows: pd.DataFrame, paths: pd.DataFrame, name: str) -> tuple[pd.Data
     """Return the rows of one problem: the only one with histories, or the only one of that name."""
     recorded = rows[rows["key"].isin(paths["key"])]
     names = rows_of.problem_names(recorded)
-    known = sorted({str(known) for known in names})
-    matched = sorted(matching(set(known), [name], "problem with iterates")) if name else known
+    problems = sorted({str(problem) for problem in names})
+    matched = sorted(matching(set(problems), [name], "problem with iterates")) if name else problems
     if len(matched) > 1:
         shown = ", ".join(matched[:12]) + (", ..." if len(matched) > 12 else "")
         which = f"{name} names {len(matched)} problems" if name else f"iterates were kept of {len(matched)} problems"

@@ -28,11 +28,11 @@ def draw(run: Run, choice: Choice) -> Drawing:
     """Draw one curve a solver with histories, the one that gets furthest in the first colour."""
     chosen = choose(run, choice)
     require_histories(chosen)
-    found = histories.work_precision(chosen.rows, chosen.histories)
-    figure, axes = figures.with_room(found["label"].nunique(), notes=1)
-    _curves(axes, found, chosen.problems, chosen.looks)
+    curves = histories.work_precision(chosen.rows, chosen.histories)
+    figure, axes = figures.with_room(curves["label"].nunique(), notes=1)
+    _curves(axes, curves, chosen.problems, chosen.looks)
     axes.set_xlabel("time, conversion and set-up included, log scale")
-    without = sorted(set(chosen.rows["label"]) - set(found["label"]))
+    without = sorted(set(chosen.rows["label"]) - set(curves["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""
     return chosen.drawing(figure, f"Error against time, {chosen.scope()}", guide_of(chosen.problems) + left_out)
 
@@ -68,9 +68,9 @@ def _curves(axes: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, 
     )
     lines: list[figures.Line] = []
     for k, label in enumerate(drawn):
-        own, place = curves[label], looks[label] if k < figures.EMPHASISED else None
+        own, look = curves[label], looks[label] if k < figures.EMPHASISED else None
         words = cut(label, figures.LABEL_LENGTH), f"{own['error'].min():.0e}"
-        lines.append(figures.Line(*words, own["seconds"], own["error"], place))
+        lines.append(figures.Line(*words, own["seconds"], own["error"], look))
     figures.draw_lines(axes, lines)
     dress(axes)
     axes.set_ylabel("judged error" if problems == 1 else "judged error, on half of the problems")

@@ -28,16 +28,16 @@ WORDS = {
 def draw(run: Run, choice: Choice, *, metric: str = "time") -> Drawing:
     """Draw the profile of the solvers shown, against the best of them."""
     chosen = choose(run, choice)
-    found, left_out = chosen.measured(metric)
-    profile = performance_profile(found.values, chosen.problems, found.metric.floor, found.lost)
+    measured, left_out = chosen.measured(metric)
+    profile = performance_profile(measured.values, chosen.problems, measured.metric.floor, measured.lost)
     figure, axes = figures.with_room(len(profile.curves))
-    cost = WORDS.get(found.metric.name, f"number of {found.metric.name.removeprefix('counter:')}")
-    least = "the fastest" if found.metric.unit == "s" else "the one that needed least"
+    cost = WORDS.get(measured.metric.name, f"number of {measured.metric.name.removeprefix('counter:')}")
+    least = "the fastest" if measured.metric.unit == "s" else "the one that needed least"
     across = f"τ: {cost} / {'fastest time' if cost == 'time' else f'least {cost}'} (failures: ∞)"
     figures.profile_axes(axes, profile, chosen.kinds, chosen.looks, across)
-    warning = cautions.caution(found.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
+    warning = cautions.caution(measured.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
     beware = f" {warning}" if warning else ""
-    floor = _amount(profile.floor, found.metric.unit)
+    floor = _amount(profile.floor, measured.metric.unit)
     below = f" Values below {floor} are set to {floor}." if profile.floor else ""
     guide = _guide(chosen.problems, cost, least) + below + beware + left_out
     return chosen.drawing(figure, f"Performance profile of {chosen.scope()}", guide)

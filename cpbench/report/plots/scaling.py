@@ -33,9 +33,9 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
     symbol = size or scaling.widest(chosen.rows)
     points = scaling.points(chosen.rows, symbol)
     if not len(points):
-        known = scaling.dimensions(chosen.rows)
-        if size and size not in known:
-            raise UnknownName("dimension", size, known)
+        dimensions = scaling.dimensions(chosen.rows)
+        if size and size not in dimensions:
+            raise UnknownName("dimension", size, dimensions)
         raise CpbenchError(
             f"nothing was solved or stopped at the limit that has a size {symbol or '(none is recorded)'}"
         )
