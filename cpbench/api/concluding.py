@@ -35,9 +35,9 @@ def conclude(
     quote_collection(store)
     rows = rows_of.normalised(store.table()) if rows is None else rows
     deeper = "cross_examine" in added(HOOKS)
-    found = hook("cross_examine")(store, rows, say) if deeper else list(contradictions.of_claims(rows))
-    store.set_meta(**{contradictions.META: [asdict(one) for one in found]})
-    return found
+    conflicts = hook("cross_examine")(store, rows, say) if deeper else list(contradictions.of_claims(rows))
+    store.set_meta(**{contradictions.META: [asdict(one) for one in conflicts]})
+    return conflicts
 
 
 def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:

@@ -86,14 +86,14 @@ def report_file(
 def _origins(store: Store, table: pd.DataFrame) -> dict[str, ProblemOrigin]:
     """Return source and licence of the families of problems, each text once, as their files gave them to the run."""
     facts = store.features()
-    told: dict[str, list[Mapping[str, Any]]] = {}
+    by_family: dict[str, list[Mapping[str, Any]]] = {}
     rows = rows_of.normalised(table, ("family",)).drop_duplicates("fingerprint")
     for fingerprint, family in zip(rows["fingerprint"], rows["family"], strict=True):
         if fingerprint in facts:
-            told.setdefault(str(family), []).append(facts[fingerprint])
+            by_family.setdefault(str(family), []).append(facts[fingerprint])
     return {
         family: ProblemOrigin(_joined(infos, "source", "citation"), _joined(infos, "licence"))
-        for family, infos in told.items()
+        for family, infos in by_family.items()
     }
 
 

@@ -137,13 +137,13 @@ class Results:
         from cpbench.api.reports import write_report
         from cpbench.errors import FormatError
 
-        place = Path(folder)
+        path = Path(folder)
         try:
-            place.mkdir(parents=True, exist_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
         except OSError as cause:
-            raise FormatError(place, "", f"cannot be a folder ({cause.strerror or cause})") from None
+            raise FormatError(path, "", f"cannot be a folder ({cause.strerror or cause})") from None
         with Store(self.path) as store:
-            files, _ = write_report(store, place, title or self.path.stem, self._run, **choice)
+            files, _ = write_report(store, path, title or self.path.stem, self._run, **choice)
         return next(file for file in files if file.suffix == ".html")
 
     def compare(self, base: str | Path | Results, **settings: Any) -> Comparison:

@@ -132,11 +132,11 @@ def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], 
     own: Mapping[str, Problem] = {}
     addresses: list[str] = []
     pack = results.with_suffix(".problems.h5")
-    for place, one in enumerate(given, 1):
+    for number, one in enumerate(given, 1):
         if not isinstance(one, Problem):
             addresses.append(str(one))
             continue
-        name = one.name or f"problem-{place}"
+        name = one.name or f"problem-{number}"
         if name in own and own[name].fingerprint != one.fingerprint:
             raise CpbenchError(f"problems: two are called '{name}'; give each its own name")
         own = {**own, name: one}

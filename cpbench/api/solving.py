@@ -167,11 +167,11 @@ def solve_there(
     `start` : a point of the solver's own problem. `on_phase` : called with SOLVE and JUDGE where these begin.
     """
     run = partial(_judged, problem, way, tolerance, start=start, on_phase=on_phase)
-    asked = graph.tolerance(way.problem, tolerance, way.steps)
-    first, missed = run(Budget(tolerance=asked, seconds=seconds))
+    target_tolerance = graph.tolerance(way.problem, tolerance, way.steps)
+    first, missed = run(Budget(tolerance=target_tolerance, seconds=seconds))
     if first.status not in FALSE_CLAIMS:
         return first, missed
-    smaller = second_tolerance(way.solver.stopping, asked, first.claim, missed)
+    smaller = second_tolerance(way.solver.stopping, target_tolerance, first.claim, missed)
     if smaller is None:
         return first, missed
     second, missed_again = run(Budget(tolerance=smaller, seconds=seconds))
@@ -243,18 +243,20 @@ def _proof(
     Where no conditions are known of the problem, those of the solver's own problem stand for it, if every solution of
     the one is one of the other: what the conversion rounds is far below the margin of a proof.
     """
-    asked, direct = problem, not way.steps
+    subject, direct = problem, not way.steps
     program = isinstance(problem, NLP) and proofs.objective(way.problem) is None  # optimality has no objective
     if proofs.conditions(problem) is None and way.kind in (Kind.EQUIVALENT, Kind.NECESSARY) and not program:
-        asked, direct = way.problem, True
-    search = partial(proofs.prove, asked, tolerance=tolerance)
-    found = look_for_proof(search, direct, claim, certificate, min(seconds, PROOF_SECONDS))
-    if found is None:
+        subject, direct = way.problem, True
+    search = partial(proofs.prove, subject, tolerance=tolerance)
+    proof_attempt = look_for_proof(search, direct, claim, certificate, min(seconds, PROOF_SECONDS))
+    if proof_attempt is None:
         attempts = (search(kind, None, min(seconds, UNASKED_SECONDS)) for kind in PROVEN)
-        found = next((attempt for attempt in attempts if attempt.proof is not None), None)
-    if found is not None and found.proof is not None and asked is not problem:
-        return replace(found, message=f"{found.message} (as {asked.node}, which has the same solutions)")
-    return found
+        proof_attempt = next((attempt for attempt in attempts if attempt.proof is not None), None)
+    if proof_attempt is not None and proof_attempt.proof is not None and subject is not problem:
+        return replace(
+            proof_attempt, message=f"{proof_attempt.message} (as {subject.node}, which has the same solutions)"
+        )
+    return proof_attempt
 
 
 def _takers(problem: Problem) -> str:

@@ -90,13 +90,13 @@ def solve_many(
         wrong = "tolerance" if not tolerance > 0 else "seconds" if not seconds > 0 else "threads"
         raise ProblemError(wrong, "must be positive")
     stack = _stacked(problems, arrays)
-    found = _solve_measured(_call_for(stack.problem(0)), stack, tolerance, threads)
+    solutions = _solve_measured(_call_for(stack.problem(0)), stack, tolerance, threads)
     begun = time.perf_counter()
-    for i in found.one_by_one.tolist():
+    for i in solutions.one_by_one.tolist():
         solution = solve(stack.problem(i), tolerance=tolerance, seconds=seconds)
-        found.x[i] = np.nan if solution.x is None else solution.x
-        found.status[i], found.error[i] = str(solution.status), solution.error
-    return replace(found, seconds={**found.seconds, "one by one": time.perf_counter() - begun})
+        solutions.x[i] = np.nan if solution.x is None else solution.x
+        solutions.status[i], solutions.error[i] = str(solution.status), solution.error
+    return replace(solutions, seconds={**solutions.seconds, "one by one": time.perf_counter() - begun})
 
 
 def _call_for(problem: Problem) -> StackCall:

@@ -64,7 +64,7 @@ class Group(click.Group):
         """Write the first paragraph of the help of each command."""
         helps = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
         with formatter.section("Commands"):
-            formatter.write_dl([(name, (found.help or "").split("\n\n")[0]) for name, found in helps if found])
+            formatter.write_dl([(name, (command.help or "").split("\n\n")[0]) for name, command in helps if command])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         try:
@@ -72,9 +72,9 @@ class Group(click.Group):
         except click.UsageError:
             import difflib
 
-            known = self.list_commands(ctx)
-            near = difflib.get_close_matches(args[0], known, n=3)
-            hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(known)}"
+            commands = self.list_commands(ctx)
+            near = difflib.get_close_matches(args[0], commands, n=3)
+            hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(commands)}"
             ctx.fail(f"no command '{args[0]}': {hint}")
 
 

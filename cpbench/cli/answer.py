@@ -39,7 +39,7 @@ def print_results(path: str) -> None:
 
 def print_answer(run: RunTable) -> None:
     """Print the contradictions, the rankings of all formulations, then a sentence each."""
-    print_lines([line for found in contradiction_lines(run.contradictions) for line in folded(found)])
+    print_lines([line for entry in contradiction_lines(run.contradictions) for line in folded(entry)])
     _print_rankings(run.rankings)
     left_out = run.meta.get("left_out", [])
     unreached = unreached_lines(left_out)
@@ -103,18 +103,18 @@ def _print_rankings(rankings: Sequence[Ranking]) -> None:
     fixed = [k for k in range(ROUTE) if k != LOST or any(line[k].plain != NONE for line in lines)]
     left = room - sum(widths[k] + GAP for k in fixed)
     warned = any(line[WARNINGS].plain for line in lines)
-    told = min(widths[WARNINGS], max(left - SHORTEST - GAP, SHORTEST)) + GAP if warned else 0
+    warning_width = min(widths[WARNINGS], max(left - SHORTEST - GAP, SHORTEST)) + GAP if warned else 0
     table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="")
     for k in fixed:
         table.add_column(HEAD[k], justify="left" if k < 2 else "right", no_wrap=True)
-    shown = [*fixed, *([ROUTE] if left - told >= SHORTEST else []), *([WARNINGS] if warned else [])]
+    shown = [*fixed, *([ROUTE] if left - warning_width >= SHORTEST else []), *([WARNINGS] if warned else [])]
     if ROUTE in shown:
-        table.add_column(HEAD[ROUTE], no_wrap=True, overflow="ellipsis", max_width=left - told - GAP)
+        table.add_column(HEAD[ROUTE], no_wrap=True, overflow="ellipsis", max_width=left - warning_width - GAP)
     if warned:
         table.add_column(overflow="fold")
     for line in lines:
         table.add_row(*(line[k] for k in shown))
-    wide = room + max(told - left, 0)  # a narrow terminal breaks lines, rather than that a warning is lost
+    wide = room + max(warning_width - left, 0)  # a narrow terminal breaks lines, rather than that a warning is lost
     console = Console(file=sys.stdout, width=wide, highlight=False, markup=False, emoji=False)
     with console.capture() as captured:
         console.print(table)

@@ -56,10 +56,10 @@ def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> 
     failed = False
     with PluginChecker(plugin, timeout) as checker:
         items = checker.items()
-        known = {check for item in items for check in item.checks}
+        checks = {check for item in items for check in item.checks}
         for name in only:
-            if name not in known:
-                raise UnknownName("check", name, known)
+            if name not in checks:
+                raise UnknownName("check", name, checks)
         for item in items:
             click.echo(f"{item.kind} {item.name} ({' -> '.join(item.nodes)})")
             count = Counter[str]()
@@ -96,8 +96,8 @@ class PluginChecker:
     def items(self) -> list[Item]:
         """Return what there is to check. Raises CpbenchError when the plugin does not load."""
         try:
-            found = self._ask({"do": "items"}, START.floor)["items"]
-            return [Item(kind, name, tuple(nodes)) for kind, name, nodes in found]
+            entries = self._ask({"do": "items"}, START.floor)["items"]
+            return [Item(kind, name, tuple(nodes)) for kind, name, nodes in entries]
         except _NoAnswer as end:
             raise CpbenchError(f"{self._plugin}: while it is loaded: {end}") from None
 

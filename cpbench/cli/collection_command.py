@@ -85,16 +85,16 @@ def list_collections() -> None:
 
 def _rows() -> Iterator[tuple[str, ...]]:
     yield "collection", "formulation", "format", "files", "size", "licence", "source"
-    for known in map(manifests.manifest, manifests.names()):
-        size = size_text(known.size) if known.files else "unknown"
+    for manifest in map(manifests.manifest, manifests.names()):
+        size = size_text(manifest.size) if manifest.files else "unknown"
         yield (
-            known.name,
-            known.formulation or "none",
-            known.reader or "not read",
-            known.extent,
+            manifest.name,
+            manifest.formulation or "none",
+            manifest.reader or "not read",
+            manifest.extent,
             size,
-            known.licence,
-            known.source,
+            manifest.licence,
+            manifest.source,
         )
 
 
@@ -106,15 +106,15 @@ def verify(names: tuple[str, ...]) -> None:
     The exit code is 1 where files are missing or have another content, or a named collection is not there.
     """
     wrong = False
-    for known in map(manifests.manifest, names or manifests.names()):
-        checked = added.check(known)
+    for manifest in map(manifests.manifest, names or manifests.names()):
+        checked = added.check(manifest)
         if checked is None:
             wrong |= bool(names)
-            print_lines([f"{known.name}: not there; {added.how_to_add(known)}"])
+            print_lines([f"{manifest.name}: not there; {added.how_to_add(manifest)}"])
         else:
             wrong |= bool(checked.changed or checked.missing)
-            whole = sum(file in known.files and file not in checked.changed for file in checked.files)
-            line = f"{known.name}: {_extent(checked)}, {whole} as the manifest has them, in {checked.folder}"
+            whole = sum(file in manifest.files and file not in checked.changed for file in checked.files)
+            line = f"{manifest.name}: {_extent(checked)}, {whole} as the manifest has them, in {checked.folder}"
             print_lines([line, *_lacking(checked)])
     sys.exit(int(wrong))
 

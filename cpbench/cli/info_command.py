@@ -116,8 +116,14 @@ def _step(problem: Problem) -> tuple[str, float, float, int, bool] | None:
     """Return sequence, dt, time, contacts of a step, and whether all of them have ids; None of any other problem."""
     if not isinstance(problem, ContactProblem) or problem.sequence is None:
         return None
-    place, contacts = problem.sequence, problem.contacts
-    return place.name, place.dt, place.time, problem.nc, contacts is not None and contacts.id.size == problem.nc
+    sequence, contacts = problem.sequence, problem.contacts
+    return (
+        sequence.name,
+        sequence.dt,
+        sequence.time,
+        problem.nc,
+        contacts is not None and contacts.id.size == problem.nc,
+    )
 
 
 def _sequence_lines(members: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -207,12 +213,13 @@ def _derivative_line(F: Map) -> str:
 
 def _contact_lines(problem: ContactProblem) -> Iterator[str]:
     """Yield the place of a problem in a sequence, and what is known of its contacts."""
-    if (place := problem.sequence) is not None:
-        yield f"  sequence     {printable(place.name)}: step {place.step}, at {place.time:g} s, dt = {place.dt:g} s"
+    if (sequence := problem.sequence) is not None:
+        step = f"step {sequence.step}, at {sequence.time:g} s, dt = {sequence.dt:g} s"
+        yield f"  sequence     {printable(sequence.name)}: {step}"
     contacts = problem.contacts
     if contacts is not None and contacts.count:
-        known = [word for part, word in _KNOWN.items() if contacts.knows(part)]
-        yield f"  contacts     {', '.join(known)} known"
+        words = [word for part, word in _KNOWN.items() if contacts.knows(part)]
+        yield f"  contacts     {', '.join(words)} known"
 
 
 def _short(value: Any) -> Any:

@@ -71,9 +71,9 @@ def _solver_lines(names: Sequence[str], every: bool) -> Iterator[str]:
     node = ""
     if len(names) == 1 and names[0] in formulations and names[0] not in solvers:
         node, names = names[0], ()
-    asked = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
-    asked = [solver for solver in asked if node in ("", solver.spec.node)]
-    shown = [solver for solver in asked if names or every or solver.spec.by_default]
+    candidates = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
+    candidates = [solver for solver in candidates if node in ("", solver.spec.node)]
+    shown = [solver for solver in candidates if names or every or solver.spec.by_default]
     states = {solver.spec.name: availability.glance(solver) for solver in shown}
     if names:
         for i, solver in enumerate(shown):
@@ -88,7 +88,7 @@ def _solver_lines(names: Sequence[str], every: bool) -> Iterator[str]:
     for state, meaning in GLANCED.items():
         if any(one.state == state for one in states.values()):
             yield from fitted([f"{state}: {meaning}"])
-    if others := len(asked) - len(shown):
+    if others := len(candidates) - len(shown):
         yield from fitted([f"{others} more run only when they are named (--all shows them)"])
 
 

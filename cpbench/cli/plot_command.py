@@ -89,11 +89,11 @@ def _parameters(kind: FigureKind, given: tuple[str, ...]) -> tuple[dict[str, Any
     """Return the parameters of the kind, each of the type of its default, and the settings by which rows are chosen."""
     own: dict[str, Any] = {}
     settings: dict[str, str] = {}
-    known = [*kind.options, *(SETTINGS if _draws_runs(kind.name) else ())]
+    parameters = [*kind.options, *(SETTINGS if _draws_runs(kind.name) else ())]
     for text in given:
         name, _, value = text.partition("=")
-        if name not in known:
-            raise UnknownName(f"parameter of {kind.name}, in -p NAME=VALUE", name, known)
+        if name not in parameters:
+            raise UnknownName(f"parameter of {kind.name}, in -p NAME=VALUE", name, parameters)
         if name in kind.options:
             own[name] = click.types.convert_type(type(kind.options[name])).convert(value, None, None)
         else:

@@ -148,12 +148,12 @@ def command(
 
 def _plan_from(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
     """Return the plan file that is named, or lies here; None where there is none or `none` is given."""
-    place = Path(plan_file.NAME if path is None else path)
-    if path == "none" or (path is None and not place.is_file()):
+    plan_path = Path(plan_file.NAME if path is None else path)
+    if path == "none" or (path is None and not plan_path.is_file()):
         return None
-    file = plan_file.read(place)
+    file = plan_file.read(plan_path)
     if not quiet:
-        click.echo(f"plan: {place}", err=True)
+        click.echo(f"plan: {plan_path}", err=True)
     return file
 
 

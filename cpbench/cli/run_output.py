@@ -136,9 +136,9 @@ def _failures(plan: RunPlan, store: Store, assembly: Assembly, found: Sequence[C
         yield f"rows are missing: {', '.join(gaps)}; the same command goes on"
     if absent := skipped.not_run(store, assembly):
         yield f"named and not run: {some_of(absent, ABSENT)}"
-    asked = {str(text) for part in plan.sets for text in part.problems}
+    texts = {str(text) for part in plan.sets for text in part.problems}
     refused = [address for address, _ in assembly.refused]
-    if named := [on_one_line(one) for one in refused if {one, one.partition("::")[0]} & asked]:
+    if named := [on_one_line(one) for one in refused if {one, one.partition("::")[0]} & texts]:
         yield f"named and not read: {some_of(named, ABSENT)}"
     listed = skipped.failures(store, plan, assembly.pairs)
     if CONTRADICTION in plan.fail_on:

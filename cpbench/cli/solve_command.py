@@ -73,14 +73,14 @@ def command(timeout: float, memory: int, threads: int, as_json: bool, file_forma
     with uncollected():
         from cpbench.bench.planning.plan import Limits
         from cpbench.cli.solve_process import SolveRequest, solve_alone
-    asked = SolveRequest(**given, limits=Limits(timeout, memory, threads, repeats=1), format=file_format)
-    told = solve_alone(asked)
-    for line in [json.dumps(told["record"])] if as_json else told["lines"]:
+    request = SolveRequest(**given, limits=Limits(timeout, memory, threads, repeats=1), format=file_format)
+    reply = solve_alone(request)
+    for line in [json.dumps(reply["record"])] if as_json else reply["lines"]:
         click.echo(line)
-    if asked.output is not None and not told["written"]:
+    if request.output is not None and not reply["written"]:
         click.echo("no answer to write", err=True)
         sys.exit(1)
-    if asked.output is not None:
-        print_lines([f"answer: {asked.output}"], err=as_json)
-    if not told["good"]:
+    if request.output is not None:
+        print_lines([f"answer: {request.output}"], err=as_json)
+    if not reply["good"]:
         sys.exit(1)

@@ -73,7 +73,7 @@ def solve_alone(asked: SolveRequest) -> dict[str, Any]:
 
     Raises CpbenchError where there is nothing to solve.
     """
-    seconds, known = asked.limits.seconds, {"problem": "", "node": "?", "solver": asked.solver}
+    seconds, identity = asked.limits.seconds, {"problem": "", "node": "?", "solver": asked.solver}
     around = REFEREE.limit(seconds)
     limits = {
         FIRST: START.limit(seconds) + around,
@@ -83,17 +83,17 @@ def solve_alone(asked: SolveRequest) -> dict[str, Any]:
     }
 
     try:
-        found = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, known.update)
+        outcome = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, identity.update)
     except Stopped as stopped:
-        found = _stopped(stopped, seconds, limits)
+        outcome = _stopped(stopped, seconds, limits)
     finally:
         folder.remove_abandoned()  # files that it had written for a program of its own
-    if "refused" in found:
-        raise CpbenchError(found["refused"])
-    if "status" not in found:
-        return found
-    named = asked.address, known["problem"], known["node"], known["solver"], asked.tolerance
-    return reply(asked, Answered(*named, Outcome(**found)))
+    if "refused" in outcome:
+        raise CpbenchError(outcome["refused"])
+    if "status" not in outcome:
+        return outcome
+    named = asked.address, identity["problem"], identity["node"], identity["solver"], asked.tolerance
+    return reply(asked, Answered(*named, Outcome(**outcome)))
 
 
 def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> dict[str, Any]:
@@ -133,30 +133,30 @@ def _safely(asked: SolveRequest, work: Work) -> dict[str, Any]:
 def _answered(asked: SolveRequest, work: Work) -> Answered:
     """Return what became of the solve, whatever that is; raises CpbenchError where there is nothing to solve."""
     begun = time.perf_counter()
-    address, known = located(asked.address, builtin_folder), Outcome()
+    address, outcome = located(asked.address, builtin_folder), Outcome()
     policy = starts.one_start(asked.start)
     problem = storage.load(address, format=asked.format)
-    known = replace(known, load=time.perf_counter() - begun)
+    outcome = replace(outcome, load=time.perf_counter() - begun)
     work.say(problem=problem.name, node=problem.node)
     label = asked.solver
     try:
         way = _way(problem, asked)
         label = way.name
         work.say(solver=label)
-        known = replace(known, route=way.label, kind=str(way.kind), convert=way.seconds)
-        known = replace(known, target_tolerance=graph.tolerance(way.problem, asked.tolerance, way.steps))
+        outcome = replace(outcome, route=way.label, kind=str(way.kind), convert=way.seconds)
+        outcome = replace(outcome, target_tolerance=graph.tolerance(way.problem, asked.tolerance, way.steps))
         point = None
         if policy.warm:
             point, started = _start(policy, problem, way, address, asked.tolerance)
-            known = replace(known, started=started)
+            outcome = replace(outcome, started=started)
         work.begin(WARMING)
         way.solver.warmup()
         solution, there = solve_there(problem, way, asked.tolerance, asked.limits.seconds, point, on_phase=work.begin)
     except (NotApplicable, Unavailable) as refusal:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
-        refused = replace(known, status=str(status), message=str(refusal))
+        refused = replace(outcome, status=str(status), message=str(refusal))
         return Answered(asked.address, problem.name, problem.node, label, asked.tolerance, refused)
-    return _of(asked.address, solution, there, known)
+    return _of(asked.address, solution, there, outcome)
 
 
 def _way(problem: Problem, asked: SolveRequest) -> Way:
@@ -196,5 +196,5 @@ def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answe
         counters=json.dumps(dict(solution.counters)),
         **{name: spent[name] for name in ("setup", "solve", "lift", "verify") if name in spent},
     )
-    asked = address, problem.name, problem.node, solution.solver, solution.tolerance
-    return Answered(*asked, outcome, problem, solution.point)
+    identity = address, problem.name, problem.node, solution.solver, solution.tolerance
+    return Answered(*identity, outcome, problem, solution.point)

@@ -65,8 +65,8 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     from rich.text import Text
 
     grid = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
-    for place, long in enumerate(longest):
-        grid.add_column(overflow="fold", no_wrap=place == 0 and long <= room // 2)  # names are to be copied
+    for column, long in enumerate(longest):
+        grid.add_column(overflow="fold", no_wrap=column == 0 and long <= room // 2)  # names are to be copied
     for row in rows:
         grid.add_row(*map(Text, row))
     console = Console(file=io.StringIO(), width=room, color_system=None, highlight=False)
