@@ -108,22 +108,22 @@ class _Trial:
 
     def states(self, names: Sequence[str]) -> list[SolverState]:
         """Return the states of the solvers; one that ends its process leaves the others a new one."""
-        found: list[SolverState] = []
-        while len(found) < len(names) and not self._stopped:
-            found += self._answered(names[len(found) :])
-        return found
+        states: list[SolverState] = []
+        while len(states) < len(names) and not self._stopped:
+            states += self._answered(names[len(states) :])
+        return states
 
     def _answered(self, names: Sequence[str]) -> list[SolverState]:
         """Return the states of the first solvers, up to and with the one that ended the process."""
-        found: list[SolverState] = []
+        states: list[SolverState] = []
         child, why = None, ""
         try:
             child = Child(self._means, _main, (list(names),))
             self._children.append(child)
             for name in names:
                 header, _ = frames.unpack(child.receive(PATIENCE))
-                found.append(SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"])))
-            return found
+                states.append(SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"])))
+            return states
         except TimedOut:
             why = f"did not answer within {PATIENCE:g} s"
         except Died as death:
@@ -134,7 +134,7 @@ class _Trial:
             if child is not None:
                 self._children.remove(child)
                 child.kill()
-        return [*found, SolverState(names[len(found)], "broken", why)]
+        return [*states, SolverState(names[len(states)], "broken", why)]
 
 
 def _main(channel: Channel, names: Sequence[str]) -> None:

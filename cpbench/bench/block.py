@@ -91,8 +91,8 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         if todo:
             keys = {p.key for p in todo}
             before = {key: pair for key, pair in predecessors(members).items() if key in keys}
-            known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
-            listed.append(Block(todo, before, known))
+            endings = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
+            listed.append(Block(todo, before, endings))
     return listed
 
 

@@ -74,16 +74,16 @@ def judge_answer(
     if answer is not None:
         try:
             begun = time.perf_counter()  # the check of the answer's shape is part of the lift
-            found = converted.point_type(**answer)
-            converted.check_point(found)
-            point = graph.lift(converted, found, steps)
+            own_point = converted.point_type(**answer)
+            converted.check_point(own_point)
+            point = graph.lift(converted, own_point, steps)
             between = time.perf_counter()
             verdict = verification.judge(source, point, tolerance, measure)
             lifted, verified = between - begun, time.perf_counter() - between
             verdict = with_others(verdict, source, point)
             if promise.exact:
                 wanted = graph.tolerance(converted, tolerance, steps)
-                target = verification.judge(converted, found, wanted) if steps else verdict
+                target = verification.judge(converted, own_point, wanted) if steps else verdict
         except (PointError, TypeError) as refusal:
             message, point = f"the answer is not valid: {refusal}", None
     attempt = None

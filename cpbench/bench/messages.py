@@ -330,8 +330,8 @@ def _read(kind: type, values: dict[str, Any]) -> Any:
 def _conversions(kind: Any) -> Sequence[tuple[str, Any, Callable[[Any], Any]]]:
     """Return the fields of a dataclass whose values are converted: name, type that needs no conversion, converter."""
     hints = get_type_hints(kind)
-    found = ((f.name, *_reader(hints[f.name])) for f in dataclasses.fields(kind))
-    return [(name, exact, read) for name, exact, read in found if read is not _as_it_is]
+    readers = ((f.name, *_reader(hints[f.name])) for f in dataclasses.fields(kind))
+    return [(name, exact, read) for name, exact, read in readers if read is not _as_it_is]
 
 
 def _reader(hint: Any) -> tuple[Any, Callable[[Any], Any]]:

@@ -32,13 +32,13 @@ def marks(result: Result, waited: float, threads: int) -> list[str]:
 
     waited : seconds by the runner's clock. threads : number that the solver may use.
     """
-    found = (
+    flags = (
         ("children", result.children > 0),
         ("wrote", result.wrote),
         ("threads", result.threads > threads),
         (CLOCK, late(waited, result.setup + (result.solve if result.solve_wall is None else result.solve_wall))),
     )
-    return [flag for flag, holds in found if holds]
+    return [flag for flag, holds in flags if holds]
 
 
 def runners_time(result: Result, waited: float) -> Result:

@@ -36,11 +36,11 @@ def main(connection: Channel, scratch: str, memory: int) -> None:
     referee = Referee(Path(scratch))
     while True:
         try:
-            asked = messages.unpack(connection.recv_bytes())
+            request = messages.unpack(connection.recv_bytes())
         except EOFError:
             return
         try:
-            reply = referee.answer(asked)
+            reply = referee.answer(request)
         except CpbenchError as refusal:
             reply = messages.Declined(str(refusal), type(refusal).__name__)
         except MemoryError:  # the runner replaces a referee that says so
@@ -131,7 +131,7 @@ class Referee:
         answer = {name: vector for name, vector in asked.vectors.items() if name != "certificate"}
         certificate = asked.vectors.get("certificate")
         attempt = partial(self._attempt, source, asked.case.tolerance)
-        found = judge_answer(
+        judgement = judge_answer(
             source,
             ready.problem,
             ready.steps,
@@ -144,16 +144,16 @@ class Referee:
             prove=lambda claim: look_for_proof(attempt, not ready.steps, claim, certificate, asked.proof_seconds),
         )
         return messages.Judged(
-            status=str(found.status),
-            message=found.message,
-            error=found.verdict.error,
-            target_error=None if found.target is None else found.target.error,
-            flags=tuple(found.flags),
-            parts={**found.verdict.judged, **found.verdict.parts},
-            lift=found.lift,
-            verify=found.verify,
-            vectors=({} if found.point is None else {"answer": pack_answer(found.point)})
-            | ({} if found.proof is None else {"proof": proofs.packed(found.proof)}),
+            status=str(judgement.status),
+            message=judgement.message,
+            error=judgement.verdict.error,
+            target_error=None if judgement.target is None else judgement.target.error,
+            flags=tuple(judgement.flags),
+            parts={**judgement.verdict.judged, **judgement.verdict.parts},
+            lift=judgement.lift,
+            verify=judgement.verify,
+            vectors=({} if judgement.point is None else {"answer": pack_answer(judgement.point)})
+            | ({} if judgement.proof is None else {"proof": proofs.packed(judgement.proof)}),
         )
 
     def _attempt(
@@ -164,12 +164,12 @@ class Referee:
         if held != source.fingerprint:
             attempts.clear()
             self._attempts = (source.fingerprint, attempts)
-        known = attempts.get((kind, tolerance))
-        if known is None or (known.proof is None and certificate is not None):
-            known = proofs.prove(source, kind, certificate, seconds, tolerance)
-            if certificate is None or known.proof is not None:
-                attempts[kind, tolerance] = known
-        return known
+        attempt = attempts.get((kind, tolerance))
+        if attempt is None or (attempt.proof is None and certificate is not None):
+            attempt = proofs.prove(source, kind, certificate, seconds, tolerance)
+            if certificate is None or attempt.proof is not None:
+                attempts[kind, tolerance] = attempt
+        return attempt
 
     def judge_history(self, asked: messages.JudgeHistory) -> messages.HistoryJudged:
         """Lift and measure the iterates of a recorded solve on the problem that was asked, as many as time permits."""
@@ -177,10 +177,10 @@ class Referee:
         recorded = RecordedIterates.of(asked, sum(ready.problem.point_sizes.values()))
         errors: dict[int, tuple[float, tuple[str, ...]]] = {}
         begun = time.perf_counter()
-        for place in coarse_to_fine(len(recorded.iterates)):
+        for index in coarse_to_fine(len(recorded.iterates)):
             if errors and time.perf_counter() - begun > asked.seconds:
                 break
-            errors[place] = _measured(source, ready, recorded.iterates[place], asked.case.measure)
+            errors[index] = _measured(source, ready, recorded.iterates[index], asked.case.measure)
         return messages.HistoryJudged({"history": recorded.judged(errors).pack()})
 
 

@@ -34,7 +34,7 @@ def write(problem: Problem, path: str | Path) -> None:
         "shapes": {name: matrix.shape for name, matrix in data.items()},
         "inputs": {name: F.inputs for name, F in maps.items()},
     }
-    arrays = {f"{name}.{k}": array for name, found in parts.items() for k, array in enumerate(found)}
+    arrays = {f"{name}.{k}": array for name, pieces in parts.items() for k, array in enumerate(pieces)}
     with open(path, "wb") as file:
         file.writelines(frames.parts(header, arrays, ALIGNED))
 
@@ -44,11 +44,11 @@ def read(path: str | Path) -> Problem:
     whole = np.fromfile(path, np.uint8)
     whole.flags.writeable = False
     header, arrays = frames.unpack(whole, types=frames.NUMBERS, aligned=ALIGNED)
-    found: dict[str, list[Any]] = {}
+    pieces: dict[str, list[Any]] = {}
     for name, array in arrays.items():
-        found.setdefault(name.rpartition(".")[0], []).append(array)
-    parts = {name: _matrix(found[name], tuple(shape)) for name, shape in header["shapes"].items()}
-    parts |= {name: Map(inputs, *found[name]) for name, inputs in header["inputs"].items()}
+        pieces.setdefault(name.rpartition(".")[0], []).append(array)
+    parts = {name: _matrix(pieces[name], tuple(shape)) for name, shape in header["shapes"].items()}
+    parts |= {name: Map(inputs, *pieces[name]) for name, inputs in header["inputs"].items()}
     return formulations.get(header["node"])(name=header["name"], **parts, **header["fields"])
 
 

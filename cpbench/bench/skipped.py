@@ -73,10 +73,10 @@ def not_run(store: Store, assembly: Assembly) -> list[str]:
     if store.counts().get(status):
         named = {pair.key for pair in assembly.pairs if pair.named}
         absent = Counter(row.solver for row in store.rows() if row.status == status and row.key in named)
-    asked = {name for part in assembly.parts if part.asked.chosen for name in grids.named(part.asked.solvers)}
+    names = {name for part in assembly.parts if part.asked.chosen for name in grids.named(part.asked.solvers)}
     return [
         *(f"{name} ({counted(rows, 'row')} {status})" for name, rows in sorted(absent.items())),
-        *(f"{name} (no route)" for name in assembly.idle if name in asked),
+        *(f"{name} (no route)" for name in assembly.idle if name in names),
     ]
 
 
@@ -96,17 +96,17 @@ def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> No
     """
     mine = {pair.key for pair in pairs}
     unnamed = {pair.key for pair in pairs if not pair.named}
-    found: dict[tuple[str, str, str], dict[str, Any]] = {}
+    entries: dict[tuple[str, str, str], dict[str, Any]] = {}
 
     def note(status: str, node: str, reason: str, solver: str, keys: Sequence[str], count: int = 1) -> None:
-        entry = found.setdefault((status, node, _pattern(reason)), _entry(status, node, reason))
+        entry = entries.setdefault((status, node, _pattern(reason)), _entry(status, node, reason))
         entry["solvers"][solver] = entry["solvers"].get(solver, 0) + count
         entry["keys"] += keys
 
     for entry in _entries(store):
         kept = [key for key in entry["keys"] if key not in mine]
         if kept:
-            found[entry["status"], entry["node"], _pattern(entry["reason"])] = {**entry, "keys": kept}
+            entries[entry["status"], entry["node"], _pattern(entry["reason"])] = {**entry, "keys": kept}
     for solver, hint in absent.items():
         note(MISSING, "", hint, solver, [], 0)
     gone: list[str] = []
@@ -117,7 +117,7 @@ def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> No
             note(status, row.node if status == Status.UNSUPPORTED else "", reason, row.solver, [row.key])
             gone.append(row.key)
     store.withdraw(gone)
-    store.set_meta(left_out=[found[key] for key in sorted(found)])
+    store.set_meta(left_out=[entries[key] for key in sorted(entries)])
 
 
 def _entries(store: Store) -> list[Any]:

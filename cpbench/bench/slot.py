@@ -93,8 +93,8 @@ class Slot:
     ) -> messages.Surveyed:
         """Return facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether
         the starting points of its file are counted, too."""
-        asked = messages.Survey(address, format, tuple(requests), guesses)
-        reply = self.referee.ask(REFEREE.limit(timeout), asked, messages.Surveyed)
+        request = messages.Survey(address, format, tuple(requests), guesses)
+        reply = self.referee.ask(REFEREE.limit(timeout), request, messages.Surveyed)
         if isinstance(reply, messages.Declined):
             raise Refused(reply.message)
         if isinstance(reply, messages.Failure):
@@ -239,8 +239,8 @@ class PairRun:
         if before is not None:
             case, answer = messages.RefereeCase.of(before[0]), _verified(before)
         vectors = {} if answer is None else {"answer": answer}
-        asked = messages.FindStart(messages.RefereeCase.of(pair), pair.start, case, vectors)
-        reply = self.referee.ask(REFEREE.limit(self.limits.seconds), asked, messages.StartFound)
+        request = messages.FindStart(messages.RefereeCase.of(pair), pair.start, case, vectors)
+        reply = self.referee.ask(REFEREE.limit(self.limits.seconds), request, messages.StartFound)
         if isinstance(reply, messages.StartFound):
             return reply.vectors, reply.description
         if isinstance(reply, messages.Declined) and reply.cause == NotApplicable.__name__:
@@ -262,7 +262,7 @@ class PairRun:
     def solve(self, worker: Child, start: messages.Vectors) -> tuple[messages.Result, float]:
         """Return what the worker answers, and after how many seconds. Raises RunStopped, FrameError."""
         limits, prepared = self.limits, self.prepared
-        asked = messages.Solve(
+        request = messages.Solve(
             path=prepared.path,
             tolerance=prepared.tolerance,
             seconds=limits.seconds,
@@ -277,7 +277,7 @@ class PairRun:
         try:
             worker.forget()  # what earlier solves printed is not this one's
             over = time.monotonic() + limit
-            worker.send(messages.pack(asked), limit)
+            worker.send(messages.pack(request), limit)
             reply = hear(worker, over - time.monotonic())
             if isinstance(reply, messages.ProblemLoaded):
                 loaded, self.row = True, replace(self.row, load=reply.load)
@@ -386,7 +386,7 @@ class PairRun:
         if result.trip is not None:
             row = replace(row, trip=result.trip, solve_wall=statistics.median(times.wall))
         case, limit = messages.RefereeCase.of(self.pair), self.limits.seconds
-        asked = messages.Judge(
+        request = messages.Judge(
             case,
             claim=result.claim,
             answered=result.answered,
@@ -394,7 +394,7 @@ class PairRun:
             proof_seconds=min(limit / 2, PROOF_SECONDS),
             vectors=result.vectors,
         )
-        judged = self.referee.ask(REFEREE.limit(limit), asked, messages.Judged)
+        judged = self.referee.ask(REFEREE.limit(limit), request, messages.Judged)
         if isinstance(judged, messages.Failure):
             message = _joined(f"the answer could not be judged: {reason(judged)}", times.lost)
             return replace(row, flags=",".join(flags), status="error", message=message)
@@ -419,8 +419,8 @@ class PairRun:
 
     def _judge_history(self, case: messages.RefereeCase, trail: messages.Recorded) -> bytes | None:
         """Return the iterates with their errors; None where they could not be judged."""
-        asked = messages.JudgeHistory(**vars(trail), case=case, seconds=HISTORY_SECONDS)
-        reply = self.referee.ask(REFEREE.limit(self.limits.seconds), asked, messages.HistoryJudged)
+        request = messages.JudgeHistory(**vars(trail), case=case, seconds=HISTORY_SECONDS)
+        reply = self.referee.ask(REFEREE.limit(self.limits.seconds), request, messages.HistoryJudged)
         return reply.vectors.get("history") if isinstance(reply, messages.HistoryJudged) else None
 
 

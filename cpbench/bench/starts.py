@@ -180,8 +180,8 @@ def _counted(text: str, number: str) -> int:
 def _from_file(problem: Problem, address: str, policy: StartPolicy) -> Start:
     guesses = storage.guesses(address) or _own(problem)
     if len(guesses) < policy.guess:
-        found = f"{len(guesses)} starting points, not {policy.guess}" if guesses else "no starting point"
-        raise NotApplicable(f"start {policy}", f"the file has {found}")
+        contents = f"{len(guesses)} starting points, not {policy.guess}" if guesses else "no starting point"
+        raise NotApplicable(f"start {policy}", f"the file has {contents}")
     guess = guesses[policy.guess - 1]
     if not guess.finite:
         raise NotApplicable(f"start {policy}", "the starting point in the file is not finite")
@@ -203,9 +203,9 @@ def _from_step(problem: Problem, before: Before | None) -> Start:
     if before is None:
         return Start(None, "cold: no step before")
     try:
-        found = transfer(before.contacts, before.point, problem)
+        transferred = transfer(before.contacts, before.point, problem)
     except NotApplicable as refusal:
         return Start(None, f"cold: {refusal.obstacle}")
-    if found.how == BY_ID and found.new and not found.matched:
-        return Start(found.point, "previous, no contact matched")
-    return Start(found.point, f"previous, {found.how}" if found.how == BY_ORDER else "previous")
+    if transferred.how == BY_ID and transferred.new and not transferred.matched:
+        return Start(transferred.point, "previous, no contact matched")
+    return Start(transferred.point, f"previous, {transferred.how}" if transferred.how == BY_ORDER else "previous")

@@ -58,11 +58,11 @@ def main(connection: Channel, solver_name: str, memory: int, scratch: str = "") 
     runner.send(messages.Ready(version[:WORDS]))
     while True:
         try:
-            asked = messages.unpack(connection.recv_bytes())
+            request = messages.unpack(connection.recv_bytes())
         except EOFError:
             return
-        assert isinstance(asked, messages.Solve), "the runner asks a worker for nothing else"
-        runner.serve(asked)
+        assert isinstance(request, messages.Solve), "the runner asks a worker for nothing else"
+        runner.serve(request)
 
 
 class SolverRunner:
@@ -129,9 +129,9 @@ class SolverRunner:
         if self._handed is None:
             self._handed = self._solver.hand_over(problem)
         self.send(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
-        asked = self._arguments(problem)
+        arguments = self._arguments(problem)
         self.meter.begin()
-        output, setup, wall, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
+        output, setup, wall, cpu = _timed(self._solver, self._handed, *arguments, self.meter.cpu)
         used = self.meter.end(setup + wall, cpu)
         trip, solve = self._solver.round_trip, self._method_seconds(wall, output)
         output = self._solver.collect(output)
@@ -166,16 +166,16 @@ class SolverRunner:
         return method_seconds(wall, reported, solver.round_trip, trusted=solver.own_clock)
 
     def _repeat(self) -> tuple[messages.Seconds, messages.Seconds, messages.Seconds]:
-        asked = self._arguments(self._loaded())
+        arguments = self._arguments(self._loaded())
         self._handed = self._solver.hand_over(self._problem)  # a program may cache what it has solved
-        output, setup, wall, _ = _timed(self._solver, self._handed, *asked, self.meter.cpu)
+        output, setup, wall, _ = _timed(self._solver, self._handed, *arguments, self.meter.cpu)
         return messages.Seconds(setup), messages.Seconds(self._method_seconds(wall, output)), messages.Seconds(wall)
 
     def _record(self) -> bool:
         me, problem = os.getpid(), self._loaded()
-        found = recorded(self._solver, problem, *self._arguments(problem))
+        recording = recorded(self._solver, problem, *self._arguments(problem))
         _end_unless(me)
-        self.send(found)
+        self.send(recording)
         return True
 
     def _loaded(self) -> Problem:
@@ -194,10 +194,10 @@ class SolverRunner:
 
     def _arguments(self, problem: Problem) -> tuple[Budget, Any, Any]:
         """Return budget, options and starting point of the request."""
-        asked = self._asked
-        first = problem.point_type(**asked.vectors) if asked.vectors else None
-        budget = Budget(tolerance=asked.tolerance, seconds=asked.seconds)
-        return budget, self._solver.spec.options(**asked.options), first
+        request = self._asked
+        first = problem.point_type(**request.vectors) if request.vectors else None
+        budget = Budget(tolerance=request.tolerance, seconds=request.seconds)
+        return budget, self._solver.spec.options(**request.options), first
 
 
 def _timed(

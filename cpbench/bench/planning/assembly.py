@@ -68,10 +68,10 @@ class Assembly:
     def idle(self) -> list[str]:
         """Solvers that were asked for by name and that no route leads to from any problem."""
         busy = {pair.entry.solver for part in self.parts for pair in part.pairs}
-        asked = [
+        names = [
             entry.solver for part in self.parts if part.asked.chosen for entry in part.entries if not entry.nearest
         ]
-        return [name for name in dict.fromkeys(asked) if name not in busy]
+        return [name for name in dict.fromkeys(names) if name not in busy]
 
     def require_pairs(self) -> None:
         """Raise CpbenchError or NoRoute for a plan without pairs, before anything is written.
@@ -101,8 +101,8 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
     wanted: dict[Place, dict[str, Request]] = {}
     for part in begun:
         for address in part.places:
-            place = address, part.asked.format
-            wanted.setdefault(place, {}).update({request.name: request for request in part.requests})
+            key = address, part.asked.format
+            wanted.setdefault(key, {}).update({request.name: request for request in part.requests})
     alone = {entry.solver for part in begun for entry in part.entries}
     if len(alone) == 1 and not asked.cluster:  # else the first one depends on the problems
         slot.workers.begin(alone.pop(), asked.memory)
@@ -110,9 +110,9 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
     surveys: dict[Place, Surveyed] = {}
     refused: list[tuple[str, CpbenchError]] = []
     longest = max(part.timeout for part in asked.sets)
-    for (place, requests), address in zip(wanted.items(), reading([address for address, _ in wanted]), strict=True):
+    for (key, requests), address in zip(wanted.items(), reading([address for address, _ in wanted]), strict=True):
         try:
-            surveys[place] = slot.survey(address, list(requests.values()), place[1], longest, guesses=guesses)
+            surveys[key] = slot.survey(address, list(requests.values()), key[1], longest, guesses=guesses)
         except CpbenchError as reason:
             refused.append((address, reason))
     parts = [_with_pairs(part, surveys, asked.threads) for part in begun]
@@ -143,8 +143,8 @@ def _begun(part: ProblemSet, builtin: Callable[[], Path]) -> PlannedSet:
 
 def _requests(part: ProblemSet) -> list[Request]:
     if part.via:
-        found = (plan.pinned(part.via, facets) for facets in part.facets)
-        return list({request.name: request for request in found}.values())
+        pinned = (plan.pinned(part.via, facets) for facets in part.facets)
+        return list({request.name: request for request in pinned}.values())
     return plan.requests(part.allowed_routes, part.facets)
 
 
@@ -177,9 +177,9 @@ def _with_pairs(part: PlannedSet, surveys: Mapping[Place, Surveyed], threads: in
 def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Surveyed]]:
     """Return the problems by start policy: a file with three guesses has three."""
     result: dict[str, list[Surveyed]] = {}
-    for asked in part.start:
+    for policy in part.start:
         for survey in chosen:
-            for start in each_start(asked, survey.guesses):
+            for start in each_start(policy, survey.guesses):
                 result.setdefault(start, []).append(survey)
     return result
 

@@ -43,8 +43,8 @@ def features(problem: Problem) -> dict[str, float | str]:
     >>> [found[name] for name in ("n", "unknowns", "nnz", "density")]
     [2.0, 2.0, 3.0, 0.75]
     """
-    found: dict[str, float | str] = {"node": problem.node, "family": problem.info.family, "name": problem.name}
-    found |= {name: text for name in ORIGIN if (text := getattr(problem.info, name))}
+    facts: dict[str, float | str] = {"node": problem.node, "family": problem.info.family, "name": problem.name}
+    facts |= {name: text for name in ORIGIN if (text := getattr(problem.info, name))}
     sizes = problem.sizes()
     tables: list[Any] = [value for value in problem.data().values() if value.ndim == 2]
     nonzeros = sum(matrices.nnz(table) for table in tables)
@@ -60,11 +60,11 @@ def features(problem: Problem) -> dict[str, float | str]:
     if (dimension := getattr(problem, "dimension", None)) is not None:
         numbers["dimension"] = dimension
     if (sequence := getattr(problem, "sequence", None)) is not None:
-        found["sequence"], numbers["step"] = sequence.name, sequence.step
+        facts["sequence"], numbers["step"] = sequence.name, sequence.step
     if sizes.get("nc"):
         mu = matrices.dense(getattr(problem, "mu"))  # noqa: B009
         numbers |= {"mu_min": mu.min(), "mu_median": np.median(mu), "mu_max": mu.max()}
-    return found | {name: float(value) for name, value in numbers.items() if math.isfinite(value)}
+    return facts | {name: float(value) for name, value in numbers.items() if math.isfinite(value)}
 
 
 def known() -> dict[str, type]:

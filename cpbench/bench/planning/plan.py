@@ -151,12 +151,12 @@ def exact() -> Request:
 
 def facets(how: str, count: int) -> list[Request]:
     """Return requests that pin the facetization `how` (inner, outer) with `count` facets."""
-    found = [make(name, {"facets": count}) for name in find_via(how)]
-    if len(found) == 1:
-        return [Request(f"{how}{count}", EXACT_KINDS, ((found[0].name, {"facets": count}),), FACET_NODES)]
+    edges = [make(name, {"facets": count}) for name in find_via(how)]
+    if len(edges) == 1:
+        return [Request(f"{how}{count}", EXACT_KINDS, ((edges[0].name, {"facets": count}),), FACET_NODES)]
     return [
         Request(f"{how}{count}-{edge.target}", EXACT_KINDS, ((edge.name, {"facets": count}),), FACET_NODES)
-        for edge in found
+        for edge in edges
     ]
 
 
@@ -171,9 +171,9 @@ def pinned(via: Iterable[str], facets: int | None = None) -> Request:
         names = find_via(name)
         if len(names) > 1:
             raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
-        known = make(names[0]).parameters
-        common = {"facets": facets} if facets is not None and "facets" in known else {}
-        steps.append((names[0], {**common, **_knobs(names[0], known, knobs, text)}))
+        parameters = make(names[0]).parameters
+        common = {"facets": facets} if facets is not None and "facets" in parameters else {}
+        steps.append((names[0], {**common, **_knobs(names[0], parameters, knobs, text)}))
     name = "+".join(make(n, dict(p)).label for n, p in steps)
     return Request(name, EXACT_KINDS, tuple(steps))
 
@@ -294,19 +294,19 @@ def nearest_automatic(node: str) -> Iterator[str]:
     own = automatic_solver(node)
     if own is not None:
         yield own
-    known = automatic_solvers()
+    automatic = automatic_solvers()
     # only the cheapest path of each: they come in this order
-    first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
-    ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
+    first = {other: next(iter(graph.candidates(node, other)), None) for other in automatic if other != node}
+    ordered = sorted((route.cost, automatic[other]) for other, route in first.items() if route is not None)
     yield from (name for _, name in ordered)
-    yield from (name for name in _own(node) if name not in known.values())
+    yield from (name for name in _own(node) if name not in automatic.values())
 
 
 def all_automatic() -> list[str]:
     """Return every solver that may be the automatic choice of some problem."""
-    known = automatic_solvers()
-    without = [node for node in graph.formulations.names() if node not in known]
-    return [*known.values(), *(name for node in without for name in _own(node))]
+    automatic = automatic_solvers()
+    without = [node for node in graph.formulations.names() if node not in automatic]
+    return [*automatic.values(), *(name for node in without for name in _own(node))]
 
 
 @lru_cache(maxsize=2**10)

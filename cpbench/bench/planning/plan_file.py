@@ -98,18 +98,18 @@ def _checked(
     table: Mapping[str, Any], allowed: Iterable[str], path: Path, title: str, more: Iterable[str] = ()
 ) -> dict[str, Any]:
     allowed = list(allowed)
-    place = f"{path}: {title}: " if title else f"{path}: "
+    prefix = f"{path}: {title}: " if title else f"{path}: "
     result: dict[str, Any] = {}
     for key, value in table.items():
         if key not in allowed:
-            known = [*allowed, *more]
-            near = difflib.get_close_matches(key.replace("-", "_"), known, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(sorted(known))}"
-            raise PlanError(f"{place}{key} = {_shown(value)}: unknown key, {hint}")
+            keys = [*allowed, *more]
+            near = difflib.get_close_matches(key.replace("-", "_"), keys, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(sorted(keys))}"
+            raise PlanError(f"{prefix}{key} = {_shown(value)}: unknown key, {hint}")
         try:
             result[key] = _beside(path.parent, key, SETTINGS[key].read(value))
         except CpbenchError as cause:
-            raise PlanError(f"{place}{key} = {_shown(value)}: {cause}") from None
+            raise PlanError(f"{prefix}{key} = {_shown(value)}: {cause}") from None
     return result
 
 

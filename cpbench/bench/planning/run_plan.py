@@ -139,8 +139,8 @@ class RunPlan:
     @property
     def memory(self) -> int:
         """The largest limit of any set, 0 when one has none."""
-        asked = [part.memory for part in self.sets]
-        return 0 if 0 in asked else max(asked)
+        limits = [part.memory for part in self.sets]
+        return 0 if 0 in limits else max(limits)
 
     def effective(self, found: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         """Return the plan as results keep it; `found` are the fingerprints of the problems of each set."""

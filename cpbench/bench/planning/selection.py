@@ -37,13 +37,13 @@ def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
 
     Raises CpbenchError when one of them has no problem.
     """
-    found: list[str] = []
+    files: list[str] = []
     for text in texts:
         here = storage.problem_files(_expanded(located(text, builtin)))
         if not here:
             raise CpbenchError(f"no problem file in {text}; see cpbench list formats")
-        found += here
-    return list(dict.fromkeys(found))
+        files += here
+    return list(dict.fromkeys(files))
 
 
 def _expanded(text: str) -> list[str]:

@@ -75,12 +75,12 @@ def _query(text: str, known: Mapping[str, type]) -> str:
                 node.value = float(node.value)
             wrong = isinstance(node, ast.Constant) and type(node.value) not in (float, str)
             if wrong or not isinstance(node, _PARTS):
-                place = ast.get_source_segment(line, node) if isinstance(node, ast.expr) else line
-                raise _wrong(line, f"cannot be read; {ALLOWED}", f"'{place}'" if place else "")
+                segment = ast.get_source_segment(line, node) if isinstance(node, ast.expr) else line
+                raise _wrong(line, f"cannot be read; {ALLOWED}", f"'{segment}'" if segment else "")
         return ast.unparse(tree)
     except SyntaxError as error:
-        place = line[(error.offset or len(line) + 1) - 1 :]
-        raise _wrong(line, f"{error.msg}; {ALLOWED}", f"'{place}'" if place else "the end") from None
+        segment = line[(error.offset or len(line) + 1) - 1 :]
+        raise _wrong(line, f"{error.msg}; {ALLOWED}", f"'{segment}'" if segment else "the end") from None
     except (ValueError, MemoryError, RecursionError, OverflowError):  # a null character; a tree too deep for the parser
         raise _wrong(f"{line[:40]}...", f"cannot be read; {ALLOWED}") from None
 

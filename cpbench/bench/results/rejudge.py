@@ -69,11 +69,11 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
                 else:
                     as_run = tolerance in (None, row.tolerance) and measure in (None, row.measure)
                     total += 1
-                    change, told = _change(problem, row, blob, kept.get(row.key), measure, tolerance)
+                    change, description = _change(problem, row, blob, kept.get(row.key), measure, tolerance)
                     if change and (as_run or change != OTHER_ERROR):
                         changes[change] += 1
                         faults += as_run or change == UNREADABLE
-                        say(f"{row.problem}  {row.label}: {told}")
+                        say(f"{row.problem}  {row.label}: {description}")
         listed = ", ".join(f"{n} {change}" for change, n in changes.most_common()) or "no change"
         say(f"{counted(total, 'answer')} judged again{f' by {measure}' if measure else ''}: {listed}")
         if without:
@@ -138,10 +138,10 @@ def _target(row: Row, factor: float) -> verification.Verdict | None:
 
     None where that was not measured, or where it is the problem that was asked, whose verdict says all.
     """
-    error, asked = row.target_error, row.target_tolerance
-    if error is None or asked is None or row.route in NO_ROUTE:
+    error, target_tolerance = row.target_error, row.target_tolerance
+    if error is None or target_tolerance is None or row.route in NO_ROUTE:
         return None
-    tolerance = factor * float(asked)
+    tolerance = factor * float(target_tolerance)
     error = math.inf if math.isnan(error) else float(error)
     flags = ("unresolvable",) if verification.TARGET_UNRESOLVABLE in (row.flags or "").split(",") else ()
     return verification.Verdict(tolerance, error <= tolerance and not flags, error, flags=flags)
