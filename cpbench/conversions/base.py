@@ -211,10 +211,10 @@ def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
     """Return the registered conversion `name` with its knobs set; raises UnknownName on a knob it does not have."""
     cls = conversions.get(name)
     given = dict(parameters or {})
-    known = {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set[str]()
+    accepted = {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set[str]()
     for key in given:
-        if key not in known:
-            raise UnknownName(f"parameter of {name}", key, known)
+        if key not in accepted:
+            raise UnknownName(f"parameter of {name}", key, accepted)
     return cls(**given)
 
 

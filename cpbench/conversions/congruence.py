@@ -156,6 +156,6 @@ def repeat(block: Dense, weights: Vector) -> Sparse:
     row, col = np.nonzero(block)
     height, width = block.shape
     contact = np.arange(weights.size)[:, None]
-    place = ((contact * height + row).ravel(), (contact * width + col).ravel())
+    indices = ((contact * height + row).ravel(), (contact * width + col).ravel())
     shape = (weights.size * height, weights.size * width)
-    return sp.csr_array((np.outer(weights, block[row, col]).ravel(), place), shape=shape)
+    return sp.csr_array((np.outer(weights, block[row, col]).ravel(), indices), shape=shape)

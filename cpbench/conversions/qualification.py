@@ -105,8 +105,8 @@ def of_program(problem: NLP) -> str:
     if not rows.count:
         return ""
     if not problem.taken_as_convex:
-        known = "is not" if problem.convexity is Convexity.REFUTED else "is not said to be"
-        return f"{rows.count} rows of g and h are not affine, and the program {known} convex"
+        verb = "is not" if problem.convexity is Convexity.REFUTED else "is not said to be"
+        return f"{rows.count} rows of g and h are not affine, and the program {verb} convex"
     return rows.no_slater()
 
 

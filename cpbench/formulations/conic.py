@@ -188,11 +188,11 @@ class ConicProblem(_HasCone, Problem):
 
     def check(self) -> None:
         kind, size = self.cone_kind, self.cone_size
-        known = ", ".join(f"{c.value} {c.name.lower()}" for c in self.cone_kinds)
+        kinds = ", ".join(f"{c.value} {c.name.lower()}" for c in self.cone_kinds)
         rolling = np.isin(kind, (Cone.ROLLING, Cone.ROLLING_DUAL))
         pointed = np.isin(kind, (Cone.SECOND_ORDER, Cone.CYLINDER))
         for name, bad, expected in (
-            ("cone_kind", ~np.isin(kind, self.cone_kinds), f"one of {known}"),
+            ("cone_kind", ~np.isin(kind, self.cone_kinds), f"one of {kinds}"),
             ("cone_size", (size < 0) | (size != np.floor(size)), "a number of rows"),
             ("cone_size", rolling & ~np.isin(size, (3, 5)), "3 or 5 rows of a rolling cone"),
             ("cone_size", pointed & (size < 1), "a normal component at least"),

@@ -92,8 +92,8 @@ class Stack:
             if may_be_infinite or not np.isfinite(array.sum()):
                 bad = np.isnan(array) if may_be_infinite else ~np.isfinite(array)
                 if bad.any():
-                    place = tuple(int(i) for i in np.argwhere(bad)[0])
-                    raise ProblemError(f"{kind.node}.{name}", f"is {array[place]} at {place}")
+                    index = tuple(int(i) for i in np.argwhere(bad)[0])
+                    raise ProblemError(f"{kind.node}.{name}", f"is {array[index]} at {index}")
             matrices.freeze(array)
         return cls(kind, arrays, others, count)
 

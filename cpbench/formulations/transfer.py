@@ -130,10 +130,10 @@ def _tangent_map(F: Dense, G: Dense, turned: Vector, k: int) -> Dense:
 
 
 def _require_unique(ids: np.ndarray[Any, np.dtype[np.int64]]) -> None:
-    found, count = np.unique(ids, return_counts=True)
+    distinct, count = np.unique(ids, return_counts=True)
     if count.max(initial=1) > 1:
         c = int(np.argmax(count))
-        raise NotApplicable("transfer", f"the id {found[c]} stands for {count[c]} contacts of one step")
+        raise NotApplicable("transfer", f"the id {distinct[c]} stands for {count[c]} contacts of one step")
 
 
 def _require_orthonormal(frames: Dense, ids: np.ndarray[Any, np.dtype[Any]]) -> None:

@@ -69,12 +69,12 @@ class Collection:
 
     def _signed(self, instance: Instance) -> Instance:
         facts = {"known": instance.known, **instance.properties}
-        told = describe(self.name, instance.name, {**instance.problem.sizes(), **facts})
-        if told.solutions:
-            facts = {"solutions": told.solutions, **facts}
+        description = describe(self.name, instance.name, {**instance.problem.sizes(), **facts})
+        if description.solutions:
+            facts = {"solutions": description.solutions, **facts}
         info = Info(
             title=instance.problem.info.title or self.summary,
-            description=told.sentences,
+            description=description.sentences,
             source=f"cpbench generate, collection {self.name}",
             licence=LICENCE,
             family=self.name,

@@ -110,15 +110,15 @@ def catalogue(folder: Path | None = None) -> list[ListedProblem]:
     Those of the standard and the large tier are in its `tiers`, without their files. Raises CpbenchError where no
     problems are installed.
     """
-    place = folder or builtin_folder()
-    proved = place / PROOFS
+    root = folder or builtin_folder()
+    proved = root / PROOFS
     proofs = tomllib.loads(proved.read_text("utf-8")) if proved.exists() else {}
-    found: list[ListedProblem] = []
-    for tier, sheets in ((SMALL, place), *((tier, place / TIER_SHEETS / tier) for tier in TIERS if tier != SMALL)):
+    problems: list[ListedProblem] = []
+    for tier, sheets in ((SMALL, root), *((tier, root / TIER_SHEETS / tier) for tier in TIERS if tier != SMALL)):
         for sheet in sorted(sheets.glob("*/*.toml")):
             start = "builtin" if tier == SMALL else tier
-            found += _entries(sheet, tier, f"{start}/{sheet.parent.name}/{sheet.stem}.h5", proofs)
-    return found
+            problems += _entries(sheet, tier, f"{start}/{sheet.parent.name}/{sheet.stem}.h5", proofs)
+    return problems
 
 
 def _entries(sheet: Path, tier: str, address: str, proofs: Mapping[str, str]) -> Iterator[ListedProblem]:
@@ -146,10 +146,10 @@ def write_collections(folder: str | Path, names: Sequence[str] = (), tier: str =
     zlib-ng, which h5py's wheels carry in turn, deflate the same numbers to other bytes.
     """
     for collection in [generators.get(name) for name in names] or [c for c in generators if c.tier == tier]:
-        place = Path(folder) / collection.node
-        place.mkdir(parents=True, exist_ok=True)
+        node_folder = Path(folder) / collection.node
+        node_folder.mkdir(parents=True, exist_ok=True)
         instances = collection.instances()
-        pack = place / f"{collection.name}.h5"
+        pack = node_folder / f"{collection.name}.h5"
         storage.save_pack(
             {i.name: i.problem for i in instances},
             pack,

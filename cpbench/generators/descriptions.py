@@ -44,11 +44,11 @@ class Description:
 @cache
 def entries() -> dict[str, Description]:
     """Return the entries of all tables by their pattern, in the order of folders, files and lines."""
-    found: dict[str, Description] = {}
+    by_pattern: dict[str, Description] = {}
     for path in (path for folder in _folders for path in sorted(folder.glob("*.toml"))):
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-        found |= {pattern: Description(**entry) for pattern, entry in table.items()}
-    return found
+        by_pattern |= {pattern: Description(**entry) for pattern, entry in table.items()}
+    return by_pattern
 
 
 def pattern_of(collection: str, name: str) -> str:
@@ -64,5 +64,5 @@ def describe(collection: str, name: str, values: Mapping[str, Any]) -> Descripti
     pattern = pattern_of(collection, name)
     if not pattern:
         return Description()
-    entry, known = entries()[pattern], {"name": name, **values}
-    return Description(entry.text.format_map(known), entry.hard.format_map(known), entry.solutions.format_map(known))
+    entry, facts = entries()[pattern], {"name": name, **values}
+    return Description(entry.text.format_map(facts), entry.hard.format_map(facts), entry.solutions.format_map(facts))

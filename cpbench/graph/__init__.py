@@ -229,11 +229,11 @@ def reachable(node: str, kinds: frozenset[Kind] = EXACT) -> list[str]:
     usable, maps = [edge for edge in edges() if best_kind(edge) in kinds], nodes_of_maps()
     onward = [edge for edge in usable if edge.source not in maps or edge.target in maps]
     new = {edge.target for edge in usable if edge.source == node}
-    found = {node, *new}
+    reached = {node, *new}
     while new:
-        new = {edge.target for edge in onward if edge.source in new} - found
-        found |= new
-    return [name for name in formulations.names() if name in found]
+        new = {edge.target for edge in onward if edge.source in new} - reached
+        reached |= new
+    return [name for name in formulations.names() if name in reached]
 
 
 def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:

@@ -338,12 +338,12 @@ def parse_options(spec: SolverSpec, text: Mapping[str, str]) -> Any:
 
     Raises UnknownName, with the option named, where there is none or its value is not of its type or its choices.
     """
-    known = {f.name: f for f in dataclasses.fields(spec.options)}
+    fields = {f.name: f for f in dataclasses.fields(spec.options)}
     values: dict[str, Any] = {}
     for key, raw in text.items():
-        if key not in known:
-            raise UnknownName(f"option of {spec.name}", key, known)
-        values[key] = _typed(spec.name, key, raw, known[key].default)
+        if key not in fields:
+            raise UnknownName(f"option of {spec.name}", key, fields)
+        values[key] = _typed(spec.name, key, raw, fields[key].default)
         allowed = choices(spec.options, key)
         if allowed and values[key] not in allowed:
             raise UnknownName(f"value of {spec.name}[{key}]", raw, [written(choice) for choice in allowed])
@@ -408,5 +408,5 @@ def automatic_solver(node: str) -> str | None:
 
 def automatic_solvers() -> dict[str, str]:
     """Return the automatic choice of each formulation that has one, by formulation."""
-    found = ((node, automatic_solver(node)) for node in formulations.names())
-    return {node: name for node, name in found if name is not None}
+    automatic = ((node, automatic_solver(node)) for node in formulations.names())
+    return {node: name for node, name in automatic if name is not None}

@@ -107,14 +107,14 @@ def problem_files(paths: Iterable[str | Path]) -> list[str]:
     A file that is named is always listed, so that loading it says what is wrong with it. In a folder, files
     that no format recognises are passed over, and so are answer files.
     """
-    found: list[str] = []
+    addresses: list[str] = []
     for path in paths:
         file, member = split_address(path)
         if file.is_dir():
-            found += _searched(file)
+            addresses += _searched(file)
         else:
-            found += [str(path)] if member else _addresses(file)
-    return list(dict.fromkeys(found))
+            addresses += [str(path)] if member else _addresses(file)
+    return list(dict.fromkeys(addresses))
 
 
 def _searched(folder: Path) -> list[str]:
@@ -147,9 +147,9 @@ def _candidates(file: Path) -> list[Format]:
     head = read_head(file)
     result = [f for f in formats if f.recognises(file, head)]
     if not result:
-        known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
+        suffixes = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
         raise FormatError(
-            file, "", f"is in no known format (suffixes {known}): name it with --format{_HINTS.get(file.suffix, '')}"
+            file, "", f"is in no known format (suffixes {suffixes}): name it with --format{_HINTS.get(file.suffix, '')}"
         )
     return result
 

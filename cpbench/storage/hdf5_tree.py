@@ -37,8 +37,8 @@ class Tree:
         self.path, self.gid, self.where = path, gid, where
 
     def error(self, name: str, cause: str) -> FormatError:
-        place = "/".join(part for part in (self.where, name) if part)
-        return FormatError(self.path, place, cause)
+        location = "/".join(part for part in (self.where, name) if part)
+        return FormatError(self.path, location, cause)
 
     @contextlib.contextmanager
     def _reading(self, name: str = "") -> Generator[None]:

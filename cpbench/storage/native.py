@@ -190,7 +190,7 @@ def _parameters(stored: Tree) -> dict[str, int]:
         places = json.loads(stored.text("parameters") or "{}")
     except ValueError as cause:
         raise stored.error("parameters", f"is not a JSON object ({cause})") from None
-    if not isinstance(places, dict) or not all(type(place) is int for place in places.values()):
+    if not isinstance(places, dict) or not all(type(index) is int for index in places.values()):
         raise stored.error("parameters", "is not a JSON object of places")
     return places
 

@@ -32,19 +32,19 @@ class Batches:
         first = F.inputs + F.constants.size
         depth = _depths(F)
         order = np.lexsort((np.arange(F.operations), F.heads, depth))
-        place = np.concatenate([np.arange(first), np.empty(F.operations, dtype=np.int64), [-1]])
-        place[first + order] = first + np.arange(F.operations)
+        positions = np.concatenate([np.arange(first), np.empty(F.operations, dtype=np.int64), [-1]])
+        positions[first + order] = first + np.arange(F.operations)
         ends = np.flatnonzero(np.diff(depth[order]) | np.diff(F.heads[order])) + 1
         bounds = [0, *ends.tolist(), F.operations] if F.operations else [0]
         self._inputs, self._constants, self._size = F.inputs, F.constants, first + F.operations
-        self._outputs = _run(place[F.outputs])
+        self._outputs = _run(positions[F.outputs])
         self._slow = int(np.isin(F.heads, _SLOW).sum())
         self._calls: list[tuple[slice, Callable[..., Any], tuple[Any, ...]]] = []
         for a, b in itertools.pairwise(bounds):
             members = order[a:b]
             operator = Operator(int(F.heads[members[0]]))
             sides = (F.left, F.right) if operator.binary else (F.left,)
-            arguments = tuple(_sliced(place[side[members]]) for side in sides)
+            arguments = tuple(_sliced(positions[side[members]]) for side in sides)
             self._calls.append((slice(first + a, first + b), NUMPY[operator], arguments))
 
     @property
@@ -56,8 +56,8 @@ class Batches:
         values[: self._inputs] = z
         values[self._inputs : self._inputs + self._constants.size] = self._constants
         with np.errstate(all="ignore"):
-            for place, function, arguments in self._calls:
-                values[place] = function(*(values[a] for a in arguments))
+            for span, function, arguments in self._calls:
+                values[span] = function(*(values[a] for a in arguments))
         return values[self._outputs]
 
 

@@ -210,8 +210,8 @@ def jacobian(to: Algebra, F: Map, inputs: list[int]) -> list[Row]:
 
 def _summed(to: Algebra, places: list[int], terms: list[int]) -> Row:
     result: Row = {}
-    for place, term in zip(places, terms, strict=True):
-        result[place] = to.add(result[place], term) if place in result else term
+    for index, term in zip(places, terms, strict=True):
+        result[index] = to.add(result[index], term) if index in result else term
     return result
 
 

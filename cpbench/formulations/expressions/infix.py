@@ -29,8 +29,8 @@ def formulas(F: Map, names: Sequence[str], longest: int) -> list[str]:
     """
     texts = [*names, *(f"{c:.6g}" for c in F.constants.tolist())]
     bound = [_WHOLE] * len(names) + [_WHOLE if c >= 0 else _MINUS for c in F.constants.tolist()]
-    for name, place in F.named.items():
-        texts[F.inputs + place], bound[F.inputs + place] = name, _WHOLE
+    for name, index in F.named.items():
+        texts[F.inputs + index], bound[F.inputs + index] = name, _WHOLE
     for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
         text, tight = _written(Operator(head), (texts[a], bound[a]), (texts[b], bound[b]))
         texts.append(text if len(text) <= longest else "…")

@@ -75,7 +75,7 @@ class Map:
             raise ProblemError("map.constants", "has a number that is not finite")
         if not np.isin(self.heads, list(Operator)).all():
             raise ProblemError("map.heads", "has a number that is not an operator")
-        if any(not 0 <= place < self.constants.size for place in self.named.values()):
+        if any(not 0 <= index < self.constants.size for index in self.named.values()):
             raise ProblemError("map.named", f"has a place that is none of {self.constants.size} constants")
         own = first + np.arange(k)
         binary = self.heads >= Operator.ADD
@@ -134,7 +134,7 @@ class Map:
     @property
     def parameters(self) -> dict[str, float]:
         """Name -> value."""
-        return {name: float(self.constants[place]) for name, place in self.named.items()}
+        return {name: float(self.constants[index]) for name, index in self.named.items()}
 
     def with_parameters(self, values: Mapping[str, float]) -> Map:
         """Return the map in which these parameters have other values; names that it has not are passed over."""
@@ -269,10 +269,10 @@ class Builder:
         """Return the map to the values with these numbers, canonical."""
         ends = list(outputs)
         constants, operations = self._walk(ends)
-        place = {old: self.inputs + new for new, old in enumerate((*constants, *operations))}
+        renumbered = {old: self.inputs + new for new, old in enumerate((*constants, *operations))}
 
         def placed(old: int) -> int:
-            return old if old < self.inputs else place[old]
+            return old if old < self.inputs else renumbered[old]
 
         nodes: list[Any] = [self._nodes[old - self.inputs] for old in operations]
         return Map(
@@ -282,7 +282,7 @@ class Builder:
             np.array([placed(node[1]) for node in nodes], dtype=np.int64),
             np.array([placed(node[2]) for node in nodes], dtype=np.int64),
             np.array([placed(end) for end in ends], dtype=np.int64),
-            {name: place[old] - self.inputs for name, old in self._named.items() if old in place},
+            {name: renumbered[old] - self.inputs for name, old in self._named.items() if old in renumbered},
         )
 
     def _walk(self, ends: Sequence[int]) -> tuple[list[int], list[int]]:

@@ -113,8 +113,8 @@ class MapRecorder:
 
     def transposed(self, F: Map, z: Column, weights: Column) -> Column:
         """Evaluate F′(z)ᵀ weights."""
-        found = gradient(self._to, F, self._numbers(z), self._numbers(weights))
-        return self._column(found.get(k, self._to.zero) for k in range(F.inputs))
+        partials = gradient(self._to, F, self._numbers(z), self._numbers(weights))
+        return self._column(partials.get(k, self._to.zero) for k in range(F.inputs))
 
     def map(self, *outputs: Column) -> Map:
         """Return the map from z to the outputs, one after the other, each row by row."""

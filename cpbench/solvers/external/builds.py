@@ -64,7 +64,7 @@ def _programs(path: Path) -> Tables:
 
 
 def _classes(root: Path, path: Path, python: str | None) -> Tables:
-    places = [str(place) for place in (path.parent, root / "src", root) if place.is_dir()]
+    places = [str(folder) for folder in (path.parent, root / "src", root) if folder.is_dir()]
     places = list(dict.fromkeys(places))
     sys.path[:0] = places
     before = set(solvers.names())

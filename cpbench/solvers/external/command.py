@@ -123,7 +123,7 @@ class CommandSolver(ProgramSolver):
 
 def words(command: str, options: Iterable[str]) -> tuple[str, ...]:
     """Return the words of a command; raises CpbenchError on one that cannot be split or has an unknown placeholder."""
-    known = [*PLACEHOLDERS, *options]
+    placeholders = [*PLACEHOLDERS, *options]
     try:
         split = tuple(shlex.split(command))
         names = [(name, spec, conversion) for w in split for _, name, spec, conversion in string.Formatter().parse(w)]
@@ -132,8 +132,8 @@ def words(command: str, options: Iterable[str]) -> tuple[str, ...]:
     if not split:
         raise CpbenchError("is empty")
     for name, spec, conversion in names:
-        if name is not None and (name not in known or spec or conversion):
-            raise CpbenchError(f"has the placeholder {{{name}}}, known are {', '.join(known)}")
+        if name is not None and (name not in placeholders or spec or conversion):
+            raise CpbenchError(f"has the placeholder {{{name}}}, known are {', '.join(placeholders)}")
     return split
 
 

@@ -72,34 +72,34 @@ def declare(name: str, table: Any, origin: str, folder: str | Path = ".") -> Sol
     `origin` is what messages begin with (a file), `folder` what relative paths in the table are relative to. Raises
     CpbenchError, in one line with origin, table and key, DuplicateName.
     """
-    place = f"{origin}: [solver.{_quoted(name)}]"
+    prefix = f"{origin}: [solver.{_quoted(name)}]"
     if not isinstance(table, dict):
-        raise CpbenchError(f"{place}: is not a table")
-    plain = _placed(_checked(name, table, place), Path(folder).absolute())
+        raise CpbenchError(f"{prefix}: is not a table")
+    plain = _placed(_checked(name, table, prefix), Path(folder).absolute())
     solvers.discover()  # what another process declared is known before it is declared again
     if name in _declared:
         if _declared[name][0] != plain:
-            raise DuplicateName(f"{place}: was declared otherwise in {_declared[name][1]}: rename one")
+            raise DuplicateName(f"{prefix}: was declared otherwise in {_declared[name][1]}: rename one")
         return solvers.get(name)
     base, at, _ = name.partition(AT)
     try:
         solver = _variant(name, plain, solvers.get(base)) if at else _program(name, plain)
     except UnknownName as cause:
-        raise CpbenchError(f"{place}: {cause}") from None
+        raise CpbenchError(f"{prefix}: {cause}") from None
     except CpbenchError as cause:
         key = next((key for key in ("command", "serve", "interpreter") if key in table), "")
-        raise CpbenchError(f"{place}: {f'{key} = {_shown(table[key])}: ' if key else ''}{cause}") from None
+        raise CpbenchError(f"{prefix}: {f'{key} = {_shown(table[key])}: ' if key else ''}{cause}") from None
     if name in solvers:
-        raise DuplicateName(f"{place}: there is a solver of this name already: rename this one")
-    known = json.dumps({**_inherited(), name: plain})
-    if len(known) > MOST:
+        raise DuplicateName(f"{prefix}: there is a solver of this name already: rename this one")
+    text = json.dumps({**_inherited(), name: plain})
+    if len(text) > MOST:
         raise CpbenchError(
-            f"{place}: with it the tables of {len(_declared) + 1} solvers are {len(known)} bytes, of {MOST} "
+            f"{prefix}: with it the tables of {len(_declared) + 1} solvers are {len(text)} bytes, of {MOST} "
             "that other processes of a run can be told: declare fewer in one run"
         )
     solvers.add(name, solver)
     _declared[name] = (plain, origin)
-    os.environ[DECLARED] = known
+    os.environ[DECLARED] = text
     return solver
 
 

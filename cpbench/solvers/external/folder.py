@@ -27,8 +27,8 @@ class Folder:
     for what others left."""
 
     def __init__(self, size: int) -> None:
-        place = MEMORY if size <= SMALL and os.access(MEMORY, os.W_OK) else Path(tempfile.gettempdir())
-        self.path = Path(tempfile.mkdtemp(dir=_own(place)))
+        parent = MEMORY if size <= SMALL and os.access(MEMORY, os.W_OK) else Path(tempfile.gettempdir())
+        self.path = Path(tempfile.mkdtemp(dir=_own(parent)))
         weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 

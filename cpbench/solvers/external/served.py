@@ -247,12 +247,12 @@ class ServedSolver(ProgramSolver):
 def _round_trip(session: Session) -> float:
     """Return the median seconds of a greeting and its reply: the first words are over, so that nothing is left to do
     but to answer."""
-    found: list[float] = []
-    while len(found) < TRIPS and not (found and found[0] > LONG):
+    trips: list[float] = []
+    while len(trips) < TRIPS and not (trips and trips[0] > LONG):
         begun = time.perf_counter()
         session.ask("hello", BACKSTOP, protocol=PROTOCOL)
-        found.append(time.perf_counter() - begun)
-    return statistics.median(found)
+        trips.append(time.perf_counter() - begun)
+    return statistics.median(trips)
 
 
 def backstop(seconds: float) -> float:
@@ -295,32 +295,32 @@ def missing_executable(command: str, solver: Any) -> str:
     """Return what to do where there is no such executable, "" where there is; a path is one from the solver's `cwd`
     on."""
     if os.path.dirname(command):
-        place = os.path.join(solver.cwd or "", command)
-        found = shutil.which(place)
-        if not found and os.path.isfile(place):
+        path = os.path.join(solver.cwd or "", command)
+        executable = shutil.which(path)
+        if not executable and os.path.isfile(path):
             return f"{command}: is no executable; chmod +x {command}, or name the program that runs it"
     else:
-        found = shutil.which(command, path=solver.env.get("PATH"))
-    return "" if found else f"{command}: no such executable; {solver.spec.install or 'build or install it'}"
+        executable = shutil.which(command, path=solver.env.get("PATH"))
+    return "" if executable else f"{command}: no such executable; {solver.spec.install or 'build or install it'}"
 
 
 def _greet(solver: ServedSolver) -> _Greeting:
     """Return a program's reply to the greeting, once a process."""
     global _spare
-    known = _greetings.get(solver.key)
-    if known is None:
+    greeting = _greetings.get(solver.key)
+    if greeting is None:
         try:
             session, version = _started(solver)
-            known = _Greeting(Availability("ok"), version)
+            greeting = _Greeting(Availability("ok"), version)
             if _spare is not None:
                 _spare[1].close()
             _spare = (solver.key, session)
         except Unavailable as cause:
-            known = _Greeting(Availability(cause.state, cause.detail))
+            greeting = _Greeting(Availability(cause.state, cause.detail))
         except (CpbenchError, MemoryError, OSError) as cause:
-            known = _Greeting(Availability("broken", str(cause)))
-        _greetings[solver.key] = known
-    return known
+            greeting = _Greeting(Availability("broken", str(cause)))
+        _greetings[solver.key] = greeting
+    return greeting
 
 
 def _take_spare(key: Key) -> Session | None:

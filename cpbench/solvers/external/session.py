@@ -166,19 +166,19 @@ class Session:
 
     def _line(self, do: str, deadline: float, seconds: float) -> bytes:
         """Return the next line on its stdout; what it sent before it died still counts."""
-        found = b""
+        received = b""
         while True:
             ended = self._wait(do, deadline, seconds)
             while part := _read_once(self._out):
-                found += part
-                line, newline, rest = found.partition(b"\n")
+                received += part
+                line, newline, rest = received.partition(b"\n")
                 if newline:
                     self._rest = rest
                     return line
-                if len(found) > LONGEST:
+                if len(received) > LONGEST:
                     raise ProgramError(f"{self.name}: answered {do} with a line of more than {LONGEST} bytes")
             if part == b"" or ended:
-                self._over(do, found)
+                self._over(do, received)
 
     def _wait(self, do: str, deadline: float, seconds: float) -> bool:
         """Wait until there is something to read; whether the program has ended."""

@@ -31,8 +31,8 @@ def projection_jacobian(K: ProductCone, x: Vector) -> Sparse:
         value.append(blocks.ravel())
     values = np.concatenate(value)
     kept = values != 0.0
-    place = (np.concatenate(row)[kept], np.concatenate(column)[kept])
-    return sp.csr_array((values[kept], place), shape=(x.size, x.size))
+    indices = (np.concatenate(row)[kept], np.concatenate(column)[kept])
+    return sp.csr_array((values[kept], indices), shape=(x.size, x.size))
 
 
 def box_jacobian(x: Vector, lower: Vector, upper: Vector) -> Sparse:
