@@ -47,7 +47,7 @@ class SolverState:
 
     @property
     def usable(self) -> bool:
-        """Whether it can run, as far as is known."""
+        """Return whether it can run, as far as is known."""
         return self.state in ("ok", "installed", "untried")
 
     @property
@@ -76,9 +76,8 @@ def examine(chosen: Iterable[Solver]) -> Iterator[SolverState]:
     waiting: list[list[str]] = []
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
         glances = [(solver, glance(solver)) for solver in members]
-        known = [seen for _, seen in glances if seen.state == "missing" or seen.state == "ok"]
-        yield from known
-        waiting.append([seen.name for _, seen in glances if seen not in known])
+        yield from (seen for _, seen in glances if seen.state in ("missing", "ok"))
+        waiting.append([seen.name for _, seen in glances if seen.state not in ("missing", "ok")])
     trial, pool = _Trial(context(1)), ThreadPoolExecutor(SIDE_BY_SIDE)
     try:
         for done in as_completed([pool.submit(trial.states, names) for names in waiting]):

@@ -42,7 +42,7 @@ class Block:
 
     @property
     def chained(self) -> bool:
-        """Whether its pairs start from one another, so that they cannot be run apart."""
+        """Return whether its pairs start from one another, so that they cannot be run apart."""
         return any(pair.scene for pair in self.pairs)
 
     def rest(self, endings: Mapping[str, Ending]) -> Block | None:

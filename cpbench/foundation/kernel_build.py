@@ -151,8 +151,9 @@ def _ended(package: str, process: subprocess.Popen[str]) -> list[str]:
 
 def folder_of(package: str) -> Path:
     """Return where a package lies. Raises ModuleNotFoundError."""
-    if ROOT.joinpath(*package.split(".")).is_dir():
-        return ROOT.joinpath(*package.split("."))
+    beside = ROOT.joinpath(*package.split("."))
+    if beside.is_dir():
+        return beside
     spec = importlib.util.find_spec(package)
     if spec is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"no package {package}", name=package)

@@ -107,7 +107,7 @@ VECTOR, MATRIX = float64[::1], float64[:, ::1]
 not_compiled: list[str] = []
 """Kernels that this process runs as Python, as `module.function`."""
 compiler: Any = None
-"""What kernels are handed to instead while a library is built (`kernel_build`)."""
+"""Compiler that kernels are handed to while a library is built (`kernel_build`), instead of being looked up."""
 
 
 def kernel(*signatures: Type, fast: frozenset[str] = frozenset()) -> Callable[[Any], Any]:
@@ -165,7 +165,7 @@ def level() -> str:
 
 def described() -> str:
     """Return what the kernels of cpbench run as in this installation, and which of them are not compiled."""
-    stale = [package for package in PACKAGES if find_spec(package) and not _levels(package)]
+    stale = [package for package in PACKAGES if find_spec(package.partition(".")[0]) and not _levels(package)]
     if not stale:
         return f"compiled for this processor's level of instructions ({level()})"
     return (

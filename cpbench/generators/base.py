@@ -60,7 +60,7 @@ class Collection:
 
     @property
     def builtin(self) -> bool:
-        """Whether its files are shipped."""
+        """Return whether its files are shipped."""
         return self.tier == SMALL
 
     def instances(self) -> list[Instance]:

@@ -37,7 +37,7 @@ class Description:
 
     @property
     def sentences(self) -> str:
-        """What it is, and what makes it hard."""
+        """Return what it is, and what makes it hard."""
         return f"{self.text} Difficulty: {self.hard[:1].lower()}{self.hard[1:]}" if self.hard else self.text
 
 

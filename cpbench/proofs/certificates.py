@@ -30,7 +30,7 @@ SECONDS = 20.0
 TOLERANCE = 1e-6
 """Share of themselves by which the numbers of a problem may change where none is given."""
 NEARLY = (1e-9, 1e-12, 1e-6)
-"""What is this small among the terms it is made of may be meant to be 0."""
+"""Shares of the terms of a sum: below one of them it may be meant to be 0."""
 LARGEST = 1500
 """Rows and unknowns of the largest sums that are made 0."""
 

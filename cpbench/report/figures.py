@@ -43,7 +43,7 @@ POINTS, GREY_POINTS = 1_000, 500
 """The most corners of a curve, in colour and in grey: none is off by more than this part of the axis, less than the
 width of its line."""
 TICKS = ((100, (1,)), (8, (1, 2, 5)), (3, (1, 2, 3, 4, 6, 8)), (0, range(1, 10)))
-"""Of a logarithmic axis within a decade, by the least ratio of its ends: so few that their labels do not touch."""
+"""Ticks of a logarithmic axis within a decade, by the least ratio of its ends: so few that labels do not touch."""
 
 
 @dataclass(frozen=True, eq=False)

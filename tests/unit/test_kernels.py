@@ -49,6 +49,12 @@ def test_a_kernel_of_two_types_of_indices_takes_both() -> None:
         assert blocks[0] == 2
 
 
+def test_a_package_of_kernels_that_is_not_installed_is_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `cpbench_solvers`, which the core does without."""
+    monkeypatch.setattr(kernels, "PACKAGES", ("absent_package.kernels",))
+    assert "NOT" not in kernels.described()
+
+
 @pytest.fixture
 def elsewhere(tmp_path: Path) -> Path:
     """Sources without libraries."""

@@ -10,7 +10,7 @@ import numpy as np
 from cpbench.foundation.kernels import boolean, float64, helper, int32, int64, kernel, read_only, void
 
 NOT_FULL = -1
-"""What `write` returns when a block lacks an entry and `full` was promised."""
+"""Value that `write` returns when a block lacks an entry and `full` was promised."""
 _NONE = 1 << 62
 
 
