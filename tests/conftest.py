@@ -78,8 +78,8 @@ def shared_data() -> Path:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels that have changed since cpbench was installed."""
-    if not hasattr(config, "workerinput") and "cpbench_solvers" not in ABSENT:
-        errors = kernel_build.build(kernels.PACKAGES, [kernels.level()])
+    if not hasattr(config, "workerinput"):
+        errors = kernel_build.build(kernel_build.present(), [kernels.level()])
         if errors and shutil.which("cc"):
             pytest.exit("\n".join(errors), 2)
 

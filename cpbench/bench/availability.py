@@ -75,9 +75,9 @@ def examine(chosen: Iterable[Solver]) -> Iterator[SolverState]:
     at a time."""
     waiting: list[list[str]] = []
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
-        glances = [(solver, glance(solver)) for solver in members]
-        yield from (seen for _, seen in glances if seen.state in ("missing", "ok"))
-        waiting.append([seen.name for _, seen in glances if seen.state not in ("missing", "ok")])
+        glances = [glance(solver) for solver in members]
+        yield from (seen for seen in glances if seen.state in ("missing", "ok"))
+        waiting.append([seen.name for seen in glances if seen.state not in ("missing", "ok")])
     trial, pool = _Trial(context(1)), ThreadPoolExecutor(SIDE_BY_SIDE)
     try:
         for done in as_completed([pool.submit(trial.states, names) for names in waiting]):

@@ -149,6 +149,13 @@ def _ended(package: str, process: subprocess.Popen[str]) -> list[str]:
     return [f"{package}: {text.strip()}"] if process.returncode else []
 
 
+def present() -> list[str]:
+    """Return the packages of kernels that came with cpbench: the core does without `cpbench_solvers`."""
+    from cpbench.foundation import kernels
+
+    return [package for package in kernels.PACKAGES if ROOT.joinpath(*package.split(".")).is_dir()]
+
+
 def folder_of(package: str) -> Path:
     """Return where a package lies. Raises ModuleNotFoundError."""
     beside = ROOT.joinpath(*package.split("."))
@@ -228,7 +235,7 @@ def main() -> int:
     _stand_in("cpbench.foundation")
     from cpbench.foundation import kernels
 
-    errors = build(arguments.packages or kernels.PACKAGES, arguments.level or [kernels.level()])
+    errors = build(arguments.packages or present(), arguments.level or [kernels.level()])
     for line in errors:
         print(line, file=sys.stderr)
     return 2 if errors else 0
