@@ -1,10 +1,10 @@
 """Verdicts against exact truth: small integer problems of which every solution is enumerated in rational arithmetic.
 
-`solved` at ε promises a problem with an exact solution within 10 ε of the data, entry by entry; the nearest is found
-by Oettli and Prager's number of the answer with some unknowns moved to their bounds. Of a program it promises an
-objective that is optimal to 10 ε of its terms: a pair of a distance and a force counts there by its product. Rows of
-any formulation are a program's where signs of some make their matrix symmetric: its objective L is least in some
-unknowns and largest in the others, its multipliers.
+`solved` at ε promises a problem with an exact solution within 10 ε of the data, entry by entry, and that within 10 ε of
+the largest unknown; the nearest is found by Oettli and Prager's number of the answer with some unknowns moved to their
+bounds. Of a program it promises an objective that is optimal to 10 ε of its terms: a pair of a distance and a force
+counts there by its product. Rows of any formulation are a program's where signs of some make their matrix symmetric:
+its objective L is least in some unknowns and largest in the others, its multipliers.
 """
 
 from __future__ import annotations
@@ -130,9 +130,8 @@ def _missed(p: Boxed, z: Rational, place: tuple[float | None, ...]) -> float:
 
 def _nearest(p: Boxed, z: np.ndarray) -> float:
     """The least of any choice of unknowns to move, to the nearer of their bounds or to 0: the number of what it comes
-    to, or the largest change of a row with a constant, where that is more."""
-    exact = _exact(z)
-    sizes = [float(size) if q else INF for size, q in zip(_rows(p.M, exact, p.q)[1], p.q, strict=True)]
+    to, or the largest move over the largest unknown, where that is more."""
+    exact, most = _exact(z), max(1.0, float(np.max(np.abs(z))))
     best = INF
     for choice in itertools.product(*(_targets(*values) for values in zip(z, p.lb, p.ub, strict=True))):
         place = tuple(
@@ -140,10 +139,9 @@ def _nearest(p: Boxed, z: np.ndarray) -> float:
             for to, lb, ub in zip(choice, p.lb, p.ub, strict=True)
         )
         moved = [x if to is None else Fraction(to) for x, to in zip(exact, choice, strict=True)]
-        change = np.abs(p.M) * [abs(float(x - y)) for x, y in zip(exact, moved, strict=True)]
-        effect = float(np.max(change / np.array(sizes)[:, None], initial=0.0))
-        if effect < best:
-            best = min(best, max(effect, _missed(p, moved, place)))
+        move = max(float(abs(x - y)) for x, y in zip(exact, moved, strict=True)) / most
+        if move < best:
+            best = min(best, max(move, _missed(p, moved, place)))
     return best
 
 
