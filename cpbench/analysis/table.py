@@ -249,16 +249,6 @@ def sizes_read(group: pd.DataFrame) -> tuple[Integers, list[Mapping[str, float]]
     return positions, [{symbol: float(size) for symbol, size in (json.loads(t) if t else {}).items()} for t in texts]
 
 
-def sizes_of(group: pd.DataFrame, symbol: str) -> Floats:
-    """Return a size of each row's problem, NaN where it has none of that name.
-
-    >>> sizes_of(pd.DataFrame({"sizes": ['{"n": 3}', "", '{"m": 1}']}), "n").tolist()
-    [3.0, nan, nan]
-    """
-    positions, sizes = sizes_read(group)
-    return np.array([known.get(symbol, math.nan) for known in sizes], dtype=float)[positions]
-
-
 def pivot(table: pd.DataFrame, column: str, missing: Any) -> pd.DataFrame:
     """Spread a column of a group as problems (fingerprints, in order of name) × labels; `missing` where no row is.
 

@@ -1,4 +1,4 @@
-"""Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...)."""
+"""Draw a figure of a run (profile, precision, convergence) or of a problem (friction cone, contacts, ...)."""
 
 from __future__ import annotations
 

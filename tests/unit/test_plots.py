@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
 from tiers import some_by_day
 
-from cpbench.analysis import histories, profiles, scaling
+from cpbench.analysis import histories, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
@@ -126,20 +125,6 @@ def test_convergence_is_of_one_problem_and_draws_its_iterates() -> None:
 def test_without_iterates_the_option_that_records_them_is_named(kind: str) -> None:
     with pytest.raises(CpbenchError, match="run with --history"):
         draw(kind, run_of(SUITE))
-
-
-def test_scaling_panels_hold_points_and_slope_of_the_fit() -> None:
-    noise = [1.1, 0.9, 1.05, 0.95, 1.0, 1.02]
-    rows = [row(f"p-{k}", "s", "solved", 1e-3 * 4.0**k * noise[k], sizes=json.dumps({"n": 2**k})) for k in range(6)]
-    rows += [row("p-9", "s", "timeout", sizes='{"n": 512}')]
-    drawn = draw("scaling", run_of(table(*rows)))
-    fitted = scaling.scaling(rows_of.normalised(table(*rows)), "n").iloc[0]
-    (panel,) = drawn.figure.axes
-    assert any(f"b = {fitted['slope']:.2f}" in text.get_text() for text in panel.texts)
-    (stopped,) = [line for line in panel.lines if line.get_marker() == "^"]
-    assert (stopped.get_xdata()[0], stopped.get_ydata()[0]) == (512.0, 10.0)
-    with pytest.raises(UnknownName, match="unknown dimension 'm'"):
-        draw("scaling", run_of(table(*rows)), size="m")
 
 
 def test_several_formulations_are_not_thrown_together() -> None:

@@ -202,7 +202,6 @@ def test_a_figure_of_a_problem_keeps_its_shape(tmp_path: Path, options: tuple[st
         (("profile", "--width", "1.2in"), "at least 1.3 in are needed here"),
         (("profile", "--height", "0.5in"), "at least 1.3 in are needed here"),
         (("profile", "--width", "5in", "--height", "1.5in"), "at least 1.9 in are needed here"),
-        (("scaling", "--width", "1.4in"), "leaves no room"),
     ],
 )
 def test_impossible_options_are_refused(results: Path, tmp_path: Path, options: tuple[str, ...], said: str) -> None:

@@ -338,7 +338,7 @@ function sizeChart() {
   };
   return {
     ...layered(values, { type: "point", size: 30, filled: true }, encoding),
-    guide: "A point is a problem that was solved. Fitted powers with their intervals: cpbench plot scaling.",
+    guide: "A point is a problem that was solved.",
   };
 }
 
