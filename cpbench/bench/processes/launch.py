@@ -17,7 +17,7 @@ import time
 import types
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
-from multiprocessing import forkserver
+from multiprocessing import forkserver, util
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
 from typing import Any
@@ -25,6 +25,7 @@ from typing import Any
 from cpbench.bench.processes import guard, isolation
 from cpbench.bench.processes.channel import Channel
 from cpbench.foundation.child_processes import THREAD_VARIABLES as THREAD_VARIABLES
+from cpbench.foundation.locks import TemporaryHome
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
 SAFE_PATH = "PYTHONSAFEPATH"
@@ -47,7 +48,15 @@ def begin(threads: int) -> None:
 
 
 def context(threads: int) -> ForkServerContext:
-    """Return the context of multiprocessing, after thread counts were set for what is imported from here on."""
+    """Return the context of multiprocessing, after thread counts were set for what is imported from here on.
+
+    The address of its forkserver lies in a folder with a lock: where this process is killed, the next one removes it.
+    """
+    config = mp.current_process()._config  # pyright: ignore[reportAttributeAccessIssue]
+    if config.get("tempdir") is None:
+        home = TemporaryHome("pymp-")
+        config["tempdir"] = str(home.folder)
+        util.Finalize(None, home.remove, exitpriority=-100)  # as late as multiprocessing removes its own
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
     ctx = mp.get_context("forkserver")
