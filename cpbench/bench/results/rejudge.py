@@ -16,7 +16,7 @@ from pathlib import Path
 
 from cpbench import proofs, storage, verification
 from cpbench.bench.results.rows import Row, unpack_answer
-from cpbench.bench.results.store import Store
+from cpbench.bench.results.store import NOT_KEPT, Store
 from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation.text import counted, summary
@@ -45,7 +45,8 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
     with Store(path) as store:
         store.require_whole()
         kept = {key: (kind, data) for key, kind, data in store.certificates() if kind in verification.PROVEN}
-        formats = store.meta().get("formats", {})
+        meta = store.meta()
+        formats, keeps = meta.get("formats", {}), meta.get("plan", {}).get("keep") == "all"
         rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
         changes: Counter[str] = Counter()
         without: Counter[str] = Counter()
@@ -64,7 +65,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
                 blob = store.ending(row.key)[1]
                 if problem.fingerprint != row.fingerprint:  # the file held another problem when this row was made
                     without["of what its file held before"] += 1
-                elif blob is None and row.key not in kept and row.status not in verification.PROVEN:
+                elif blob is None and row.key not in kept and not _needs_answer(row, keeps):
                     without[row.status] += 1
                 else:
                     as_run = tolerance in (None, row.tolerance) and measure in (None, row.measure)
@@ -80,6 +81,12 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
             say(f"{counted(without.total(), 'row has', 'rows have')} no answer to judge: {summary(without)}")
         say(f"SHA-256 of the file: {store.sha256()}")
     return not faults
+
+
+def _needs_answer(row: Row, keeps: bool) -> bool:
+    """Return whether the status of a row has to follow from something kept; `keeps` : the run kept all answers."""
+    dropped = not keeps or NOT_KEPT in (row.message or "")
+    return row.status in verification.PROVEN or (row.status in verification.MET_TOLERANCE and not dropped)
 
 
 def _change(
@@ -102,7 +109,7 @@ def _change(
         return change, f"{change}, error {error:.3g}"
     if noted == error or math.isclose(noted, error, rel_tol=SAME, abs_tol=ROUNDING):
         return "", ""
-    return OTHER_ERROR, f"{row.status} with error {noted:.3g}, that of its answer is {error:.3g}"
+    return OTHER_ERROR, f"{row.status} with error {noted:.7g}, that of its answer is {error:.7g}"
 
 
 def _judge(

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 KEEP = ("none", "wrong", "all")
 KEEP_LIMIT = 10**9
 """Bytes of answers after which `--keep all` stops keeping; rows without their answer say so."""
+NOT_KEPT = "answer not kept"
 OF_AN_ANSWER = "answer"
 """Kind of a certificate that is about an answer."""
 CHUNK = 5_000
@@ -259,7 +260,7 @@ class Store:
         goes up by one unless the outcome tells it."""
         answer = outcome.answer if self._wants(outcome.status) else None
         if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
-            message = f"{outcome.message or ''} (answer not kept: over {KEEP_LIMIT} bytes)".strip()
+            message = f"{outcome.message or ''} ({NOT_KEPT}: over {KEEP_LIMIT} bytes)".strip()
             outcome, answer = replace(outcome, message=message), None
         kind = outcome.status if outcome.proof is not None else None
         with self._database.transaction() as db:
