@@ -47,13 +47,13 @@ def write_report(
     count_stationary : whether answers that are stationary only are among the solved.
     """
     run = RunTable.of(store.table(), store.meta()) if run is None else run
-    run = replace(run, meta={**run.meta, "sha256": store.sha256()})
     many = csv is None and len(run.rows) > row_files.MOST
     notes = [f"no results.csv: {len(run.rows)} rows are more than {row_files.MOST}; --csv writes it all the same"]
     has_csv = csv is not False and not many
     chosen = {"publishable": publishable, "count_stationary": count_stationary, "has_csv": has_csv}
     origins, histories = _origins(store, run.stored), history.table(store.histories())
     whole = assembled(run, folder, histories, origins=origins, address=address_text, **chosen)
+    whole = replace(whole, meta={**whole.meta, "sha256": store.sha256()})
     markdown, text = documents.write(whole, title, comparison)
     html = page.write(whole, text)
     if has_csv:

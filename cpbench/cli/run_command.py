@@ -125,7 +125,9 @@ def command(
     plan = run_plan.make(given, *values, suite=suite)
     display = Display(quiet)
     display.steps.say("looking for problems")
-    import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
+    figures = () if plan.report is None else ("matplotlib.figure", "matplotlib.backends.backend_agg")
+    # while processes start and files are read
+    import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports", *figures)
     try:
         with open_run(plan, builtin_folder, display.reading) as run:
             display.steps.stop()
