@@ -62,14 +62,6 @@ def evtushenko_purtov(a: Vector, b: Vector) -> Values:
     return a * b - 0.5 * low * low, b - low, a - low
 
 
-def smoothed(a: Vector, b: Vector, mu: float) -> Values:
-    """Evaluate a + b − √(a² + b² + 2μ²), whose zeros have ab = μ² (Kanzow 1996); for μ > 0 it has no kink."""
-    root = np.sqrt(a * a + b * b + 2.0 * mu * mu)
-    both = (a > 0) & (b > 0)
-    phi = np.where(both, 2.0 * (a * b - mu * mu) / np.where(both, a + b + root, 1.0), a + b - root)
-    return phi, 1.0 - a / root, 1.0 - b / root
-
-
 def symbolic_fischer_burmeister(a: Any, b: Any) -> Any:
     """Write a + b − √(a² + b²) of two columns, as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would
     lose all digits of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""

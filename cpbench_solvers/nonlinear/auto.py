@@ -10,7 +10,7 @@ from cpbench_solvers.automatic import AutomaticChoice, automatic_spec
 
 @register
 class AutoMiCP(AutomaticChoice):
-    """Josephy–Newton with a path search, the normal map, the Fischer–Burmeister equation, its smoothing.
+    """Josephy–Newton with a path search, the normal map, the Fischer–Burmeister equation.
 
     Where the first stops at a point that is none, the next one's merit function has its stationary points elsewhere.
     """
@@ -22,7 +22,6 @@ class AutoMiCP(AutomaticChoice):
         "path-search",
         "newton-normal-map",
         "newton-fb-micp",
-        "smoothing-newton",
         "josephy-newton",
     )
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.base import scaled
-from cpbench.formulations.ncp_functions import NCPFunction, Values, smoothed
+from cpbench.formulations.ncp_functions import NCPFunction, Values
 from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.factorization import Factorization
@@ -53,22 +53,6 @@ class Reformulation:
             at = self.fixed
             phi[at], alpha[at], beta[at] = z[at] - self._value, 1.0, 0.0
         return phi, alpha, beta
-
-    def smoothed(self, z: Vector, F: Vector, mu: float) -> tuple[Vector, Vector, Vector, Vector]:
-        """Return Φ_μ, α, β and ∂Φ/∂μ."""
-        phi, alpha, beta = self(partial(smoothed, mu=mu), z, F)
-        by_mu = np.zeros_like(F)
-        inner = np.array(F)
-        at = self._high
-        high = self._ub - z[at]
-        inner[at] = -smoothed(high, -F[at], mu)[0]
-        by_mu[at] = 2.0 * mu / np.sqrt(high * high + F[at] ** 2 + 2.0 * mu * mu)
-        at = self._low
-        low = z[at] - self._lb
-        root = np.sqrt(low * low + inner[at] ** 2 + 2.0 * mu * mu)
-        by_mu[at] = -2.0 * mu / root + (1.0 - inner[at] / root) * by_mu[at]
-        by_mu[self.fixed] = 0.0
-        return phi, alpha, beta, by_mu
 
 
 DENSE_LIMIT = 150

@@ -130,7 +130,7 @@ def _mixed() -> tuple[Block, ...]:
             steps=len(path) - 1,
         ),
         *shown(trips("mlcp", "mlcp-micp"), "The mixed linear problem (14) is the case of an affine map."),
-        by_solvers("program-conditions", "josephy-newton", "path-search", "newton-normal-map", "smoothing-newton"),
+        by_solvers("program-conditions", "josephy-newton", "path-search", "newton-normal-map", "newton-min-micp"),
         Try(
             (
                 "cpbench solve problems.h5::kojima-shindo --solver path-search",

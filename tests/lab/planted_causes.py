@@ -178,7 +178,7 @@ def scale(rng: Random) -> Iterator[Plant]:
 
 
 SCALED_LCP = [
-    "projection-vi", "extragradient-vi", "smoothing-newton", "newton-fb-micp",
+    "projection-vi", "extragradient-vi", "newton-fb-micp",
     "casadi-ipopt", "drake-moby",
 ]  # fmt: skip
 SCALED_QP = ["osqp", "scs-coneqp", "daqp", "highs"]
@@ -359,7 +359,6 @@ DEGENERATE = [
     "newton-fb",
     "newton-min",
     "casadi-ipopt",
-    "smoothing-newton",
     "newton-fb-micp",
     "clarabel",
     "osqp",

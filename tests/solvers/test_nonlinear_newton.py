@@ -4,7 +4,7 @@ made of."""
 from __future__ import annotations
 
 import math
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName
 from cpbench.formulations import AVI, LCP, MiCP, MiCPPoint
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.ncp_functions import fischer_burmeister, minimum, penalized, smoothed
+from cpbench.formulations.ncp_functions import fischer_burmeister, minimum, penalized
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.generators.base import generators
 from cpbench.solvers.base import Budget, Claim, solvers
@@ -28,12 +28,9 @@ from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, 
 from cpbench_solvers.nonlinear.box_newton import Reformulation
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
 
-FUNCTIONS = {
-    "min": minimum, "fb": fischer_burmeister, "pfb": penalized,
-    "smoothed": partial(smoothed, mu=0.1),
-}  # fmt: skip
+FUNCTIONS = {"min": minimum, "fb": fischer_burmeister, "pfb": penalized}
 SOLVERS = (
-    "josephy-newton", "newton-normal-map", "path-search", "smoothing-newton",
+    "josephy-newton", "newton-normal-map", "path-search",
     "newton-fb-micp", "newton-min-micp", "newton-pfb-micp",
 )  # fmt: skip
 
@@ -165,15 +162,6 @@ def test_derivatives_of_the_composition(name: str, rng: np.random.Generator) -> 
     np.testing.assert_allclose(beta, by_F, atol=1e-7)
     if name == "min":
         np.testing.assert_allclose(equation(psi, z, F)[0], z - project_box(z - F, lb, ub), atol=1e-15)
-
-
-def test_derivative_by_the_smoothing(rng: np.random.Generator) -> None:
-    lb, ub = np.array([-np.inf, 0.0, -np.inf, 0.0, 1.0]), np.array([np.inf, np.inf, 0.5, 0.75, 1.0])
-    equation, h = Reformulation(lb, ub), 1e-6
-    z, F = rng.standard_normal((2, 5))
-    by_mu = equation.smoothed(z, F, 0.3)[3]
-    difference = (equation.smoothed(z, F, 0.3 + h)[0] - equation.smoothed(z, F, 0.3 - h)[0]) / (2 * h)
-    np.testing.assert_allclose(by_mu, difference, atol=1e-8)
 
 
 def test_a_small_force_far_away_is_measured() -> None:
