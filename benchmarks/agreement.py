@@ -40,7 +40,7 @@ SOLVERS: dict[str, tuple[str, ...]] = {
     "coneqp": ("clarabel-coneqp", "scs-coneqp", "interior-point-coneqp", "admm-coneqp"),
     "lcp": ("auto-lcp", "lemke", "pgs", "newton-min", "interior-point-lcp", "mprgp", "casadi-ipopt"),
     "mlcp": ("auto-mlcp", "lemke-mlcp", "pgs-mlcp", "newton-fb-mlcp", "interior-point-mlcp", "casadi-ipopt-mlcp"),
-    "relay": ("auto-relay", "lemke-relay", "pgs-relay", "newton-relay", "extragradient-relay"),
+    "relay": ("auto-relay", "lemke-relay", "pgs-relay", "newton-relay"),
     "fc": ("auto-fc", "nsgs", "interior-point-fc", "admm-fc", "proximal-newton", "clarabel-de-saxce", "pinocchio-admm"),
     "gfc": ("auto-gfc", "nsgs-gfc", "admm-gfc", "interior-point-fc"),
 }

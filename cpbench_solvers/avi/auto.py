@@ -1,4 +1,4 @@
-"""Automatic choices between bounds and on polyhedra: pivoting, then Newton's method and projections."""
+"""Automatic choices between bounds and on polyhedra: pivoting and Newton's method."""
 
 from __future__ import annotations
 
@@ -24,21 +24,18 @@ class _Affine(ByParts):
 
 @register
 class AutoAVI(_Affine):
-    """Lemke's method from a vertex of the polyhedron, then extragradients where the polyhedron is a box."""
+    """Lemke's method from a vertex of the polyhedron, then Newton's where the polyhedron is a box."""
 
-    spec: ClassVar[SolverSpec] = automatic_spec("avi", "auto-avi", "pivoting from a vertex, then extragradients")
-    members: ClassVar[tuple[str, ...]] = ("lemke-avi", "extragradient-avi")
+    spec: ClassVar[SolverSpec] = automatic_spec("avi", "auto-avi", "pivoting from a vertex, then Newton on boxes")
+    members: ClassVar[tuple[str, ...]] = ("lemke-avi", "newton-avi")
 
 
 @register
 class AutoRelay(_Affine):
-    """Lemke's method between bounds up to 1000 unknowns, Newton's beyond; then extragradients."""
+    """Lemke's method between bounds, then Newton's; beyond 1000 unknowns the other way round."""
 
-    spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size, then projections")
-    members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay", "extragradient-relay")
+    spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size")
+    members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay")
 
     def phases(self, problem: Relay) -> Sequence[SolverPhase]:
-        first = list(self.members[:2])
-        if problem.q.size > LARGE:
-            first.reverse()
-        return [SolverPhase(name) for name in (*first, self.members[2])]
+        return [SolverPhase(name) for name in (reversed(self.members) if problem.q.size > LARGE else self.members)]

@@ -49,7 +49,7 @@ ROUNDING = 16 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """Options of newton-relay, newton-soclcp. `max_iterations` : steps of either kind."""
+    """Options of newton-avi, newton-relay, newton-soclcp. `max_iterations` : steps of either kind."""
 
     max_iterations: int = 20_000
 

@@ -335,7 +335,6 @@ def nonmonotone(rng: Random) -> Iterator[Plant]:
 
 NONMONOTONE = [
     "interior-point-lcp", "pgs", "mprgp", "casadi-ipopt", "projection-vi",
-    "extragradient-avi",
 ]  # fmt: skip
 
 
@@ -396,7 +395,7 @@ def out_of_time(rng: Random) -> Iterator[Plant]:
     """A limit of time that is too small."""
     n = int(rng.integers(150, 250))
     lcp = planted_lcp(rng, definite(rng, n, 1e3))
-    for solver in ("projection-vi", "extragradient-avi", "interior-point-lcp"):
+    for solver in ("projection-vi", "newton-avi", "interior-point-lcp"):
         trial = SolverTrial(problem=lcp, solver=solver, seconds=0.002)
         yield Plant("time", trial, replace(trial, seconds=10.0))
 

@@ -107,16 +107,14 @@ def test_impossible_programs_are_refused_or_stall() -> None:
     turned = SOCLCP(M=np.diag([1.0, -1.0]), q=np.ones(2), **cone_fields(K))  # pyright: ignore[reportArgumentType]
     assert "not monotone" in (solvers.get("interior-point-soclcp").obstacle(turned) or "")
     rows = AVI(M=np.eye(1), q=np.zeros(1), A=np.eye(1), b=np.ones(1))
-    assert "lemke-avi" in (solvers.get("extragradient-avi").obstacle(rows) or "")
+    assert "lemke-avi" in (solvers.get("newton-avi").obstacle(rows) or "")
 
 
-@pytest.mark.parametrize("name", ["extragradient-relay", "extragradient-avi"])
+@pytest.mark.parametrize("name", ["newton-relay", "newton-avi"])
 def test_a_rotation_between_bounds(name: str) -> None:
     """Skew M, on which plain projection turns for ever."""
     M = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    problem = (Relay if name == "extragradient-relay" else AVI)(
-        M=M, q=np.array([-0.25, 0.5]), lb=-np.ones(2), ub=np.ones(2)
-    )
+    problem = (Relay if name == "newton-relay" else AVI)(M=M, q=np.array([-0.25, 0.5]), lb=-np.ones(2), ub=np.ones(2))
     output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
     assert output.claim is Claim.SOLVED, output.message
     np.testing.assert_allclose(output.point.z, [0.5, 0.25], atol=1e-7)

@@ -1,12 +1,13 @@
-"""Semismooth Newton on the natural map of a relay problem: which bounds are active, then the free unknowns at once."""
+"""Semismooth Newton on the natural map between bounds: which of them are active, then the free unknowns at once."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.linear import LCPPoint, Relay
+from cpbench.formulations.linear import AVI, Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, register
@@ -23,25 +24,20 @@ from cpbench_solvers.nonlinear.natural_map import (
 from cpbench_solvers.traits import ITERATIVE
 
 
-@register
-class NewtonRelay(NaturalMapNewton):
+class _NewtonOnBox(NaturalMapNewton):
     """z ← at its bound where z − w is beyond it, and w_F = 0 for the others F: Newton on z − P(z − w).
 
     This is block principal pivoting for bounds, with a line search; projection and contraction take over where it
     does not descend. Converges from anywhere for monotone M; other M are tried.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
-        name="newton-relay",
-        node="relay",
-        summary="semismooth Newton on the bounds, safeguarded by projection and contraction",
-        method="semismooth Newton",
-        citation="Pang 1990, Math. Oper. Res. 15:311; He 1997, Appl. Math. Optim. 35:69",
-        traits=ITERATIVE,
-        options=NewtonOptions,
-    )
+    def obstacle(self, problem: Relay | AVI) -> str | None:
+        if isinstance(problem, AVI) and not problem.only_box:
+            rows = problem.b.size + problem.d.size
+            return f"has {rows} rows beside its bounds, whose set has no projection in closed form: use lemke-avi"
+        return None
 
-    def setup(self, problem: Relay, budget: Budget, options: NewtonOptions) -> ScaledVI:
+    def setup(self, problem: Relay | AVI, budget: Budget, options: NewtonOptions) -> ScaledVI:
         n = problem.q.size
         d = equilibrate(problem.M, np.arange(n))
         # what is fixed takes any force, and a large one must not set a scale
@@ -53,8 +49,8 @@ class NewtonRelay(NaturalMapNewton):
         unit = size * d
         lower, upper = problem.lb / unit, problem.ub / unit
 
-        def answer(z: Vector) -> LCPPoint:
-            return LCPPoint(unit * z)
+        def answer(z: Vector) -> Any:
+            return problem.point_from_vector(unit * z)
 
         vi = AffineVI(
             M=congruent(problem.M, d) * (size / forces),
@@ -65,3 +61,27 @@ class NewtonRelay(NaturalMapNewton):
             error=lambda z: error_of(problem, answer(z), budget.tolerance),
         )
         return ScaledVI(vi, unit)
+
+
+_spec = partial(
+    SolverSpec,
+    summary="semismooth Newton on the bounds, safeguarded by projection and contraction",
+    method="semismooth Newton",
+    citation="Pang 1990, Math. Oper. Res. 15:311; He 1997, Appl. Math. Optim. 35:69",
+    traits=ITERATIVE,
+    options=NewtonOptions,
+)
+
+
+@register
+class NewtonRelay(_NewtonOnBox):
+    """Newton's method between bounds."""
+
+    spec: ClassVar[SolverSpec] = _spec(name="newton-relay", node="relay")
+
+
+@register
+class NewtonAVI(_NewtonOnBox):
+    """Newton's method where there are bounds alone, whose projection is a formula."""
+
+    spec: ClassVar[SolverSpec] = _spec(name="newton-avi", node="avi")
