@@ -145,6 +145,12 @@ def test_draws_every_chart_offline(written: Path, opened: Opened) -> None:
         assert len(page.locator(f"[data-chart={name}] figcaption").inner_text()) > 60
 
 
+def test_one_solver_is_not_compared_with_another(rows: pd.DataFrame, tmp_path: Path, opened: Opened) -> None:
+    page = opened(page_of(rows[rows["label"] == "lemke"].reset_index(drop=True), tmp_path))
+    assert page.locator("#profile-part").is_visible()
+    assert not page.locator("#scatter-part").is_visible()
+
+
 def test_the_profile_is_that_of_python_of_what_is_chosen(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
     page, group = opened(written), group_of(rows)
     time_ = metrics.METRICS["time"]

@@ -184,7 +184,10 @@ const CONFIG = {
     ...ink("label", "title", "tick", "domain", "grid"),
     ...{ gridOpacity: 0.1, domainOpacity: 0.35, tickOpacity: 0.35 },
   },
-  legend: { ...ink("label", "title"), orient: "bottom", columns: { expr: "width > 600 ? 4 : 2" }, labelLimit: 180 },
+  legend: {
+    ...ink("label", "title", "symbolBaseFill"),
+    ...{ orient: "bottom", columns: { expr: "width > 600 ? 4 : 2" }, labelLimit: 180 },
+  },
 };
 
 const unitOf = (metric) => (metric.unit === "s" ? SECONDS : metric.unit === "byte" ? BYTES : TINY);
@@ -338,7 +341,9 @@ function sizeChart() {
   };
   return {
     ...layered(values, { type: "point", size: 30, filled: true }, encoding),
-    guide: "A point is a problem that was solved.",
+    guide:
+      `A point is a problem that was solved: ${size} across, ${words(metric.name)} upwards; ` +
+      "equal steps are equal ratios.",
   };
 }
 
@@ -560,8 +565,10 @@ async function update() {
   writeAddress();
   matrix();
   listPairs();
+  const two = page.state.pair.length > 1;
+  document.getElementById("scatter-part").hidden = !two;
   for (const name of Object.keys(CHARTS)) {
-    if (name !== "scatter" || page.state.pair.length > 1) await draw(name);
+    if (name !== "scatter" || two) await draw(name);
   }
 }
 
