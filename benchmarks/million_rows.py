@@ -43,7 +43,6 @@ from cpbench.analysis import (
     participation,
     profiles,
     reliability,
-    scaling,
     starts,
     summary,
 )
@@ -98,7 +97,6 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "hardest problems": lambda: failures.hardest(rows),
         "flagged": lambda: failures.flagged(rows, "direction"),
         "participation": lambda: (participation.absences(rows), participation.participating(rows)),
-        "scaling in nc": lambda: scaling.scaling(rows, "nc"),
         "warm over cold": lambda: starts.paired(data.started),
         "work-precision": lambda: histories.work_precision(rows, data.paths),
     }
