@@ -46,9 +46,11 @@ def command(
     The parameter is one of the problem's expressions, or the coefficient of friction of all its contacts. The automatic
     choice solves them, in this process. The exit code is 1 unless all answers meet the tolerance.
 
-    With --bisect the command finds where bodies at rest begin to move: it asks at each value whether forces in the
-    cones of friction hold the load of an fc or gfc, and proves both answers in rational arithmetic where it can. The
-    tolerance is the width of the last interval, over its upper end. The exit code is 1 where that width is not reached.
+    With --bisect the command finds where bodies at rest begin to move: a cone program says at each value whether
+    forces in the cones of friction hold the load of an fc or gfc, and at the ends of the last interval both answers are
+    proved in rational arithmetic where that succeeds. The tolerance is the width of that interval, over its upper end;
+    the exit code is 1 where it is not reached. Above 1 % the limit is undecided. That any friction or any load holds,
+    that none does, or that rounding alone decides, are answers.
 
     \b
       cpbench sweep scene.h5 --over mu=0.1:2.0:0.1

@@ -15,7 +15,7 @@ from command_line import cpbench as command
 from flint import fmpq
 
 import cpbench
-from cpbench.errors import CpbenchError, ProblemError
+from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact
 from cpbench_lab.certificates.hold_programs import Balance
 from cpbench_lab.certificates.holding import balance_of, forces_hold, held, motion_gains
@@ -175,15 +175,57 @@ def test_what_no_proof_is_found_for_needs_a_clear_margin(room: float, answer: bo
     [
         (LCP(M=[[1.0]], q=[1.0]), None, ProblemError, "has no hold limit: that is of fc and gfc"),
         (block([3.0, 0.0, -4.0]), np.zeros(3), ProblemError, "load: has 3 numbers, expected 6 as gfc.f has"),
-        (block([0.0, 0.0, -4.0]), None, CpbenchError, "held without friction"),
-        (block([0.0, 0.0, 4.0]), None, CpbenchError, "nothing holds the load up to"),
-        (block([0.0, 0.0, 4.0]), np.eye(6)[0], CpbenchError, "no factor holds"),
-        (block([0.0, 0.0, -4.0]), -np.eye(6)[2], CpbenchError, "every factor holds up to"),
     ],
 )
 def test_what_has_no_limit_is_refused(problem: Any, load: Any, error: type[Exception], cause: str) -> None:
     with pytest.raises(error, match=cause):
         hold_limit(problem, load)
+
+
+@pytest.mark.parametrize(
+    ("problem", "load", "answer", "proved"),
+    [
+        (block([0.0, 0.0, -4.0]), None, "held without friction: any mu >= 0 holds", (True, False)),
+        (block([0.0, 0.0, 4.0]), None, "no mu holds, however large", (False, True)),
+        (block([0.0, 0.0, 4.0]), np.eye(6)[0], "no factor >= 0 holds", (False, True)),
+        (block([0.0, 0.0, -4.0]), -np.eye(6)[2], "holds at any load: every factor", (True, False)),
+        (block([0.0, 0.0, 4.0]), -2 * np.eye(6)[2], "holds at any load: every factor from 2", (True, False)),
+        (block([2.0, 0.0, -4.0]), np.eye(6)[0], "no factor above 0 holds", (True, False)),
+    ],
+)  # fmt: skip
+def test_what_has_no_limit_is_an_answer(problem: Any, load: Any, answer: str, proved: tuple[bool, bool]) -> None:
+    limit = hold_limit(problem, load)
+    assert limit.answer.startswith(answer)
+    assert limit.narrow
+    assert (
+        bool(limit.at_holding and limit.at_holding.proved),
+        bool(limit.at_moving and limit.at_moving.proved),
+    ) == proved
+
+
+def pinched(force: float) -> GlobalFrictionContact:
+    """A block between two walls, which press it as hard as they like."""
+    H = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 1.0]])
+    return GlobalFrictionContact(M=np.eye(2), H=H, f=[0.0, -force], w=np.zeros(4), mu=[0.5, 0.5], dimension=2)
+
+
+def test_a_limit_that_is_not_attained_is_said_to_be_none() -> None:
+    limit = hold_limit(pinched(3.0))
+    assert limit.answer == "any mu > 0 holds; mu = 0 does not"
+    assert limit.record()["does not hold"]["value"] == 0.0
+    assert limit.at_holding.proved
+
+
+def test_rounding_decides_at_a_corner() -> None:
+    """All of a weight of 600 is over the foot at (0.11, -0.06): 36 and 66 are its moments up to a rounding."""
+    H, corners = np.zeros((6, 12)), ((0.11, -0.06), (-0.11, -0.06), (0.11, 0.06), (-0.11, 0.06))
+    for c, (x, y) in enumerate(corners):
+        for k, direction in enumerate(([0, 0, 1], [1, 0, 0], [0, 1, 0])):
+            H[:, 3 * c + k] = np.append(direction, np.cross([x, y, 0], direction))
+    problem = GlobalFrictionContact(M=np.eye(6), H=H, f=[0, 0, -600, -36, 66, 0], w=np.zeros(12), mu=np.full(4, 0.5))
+    limit = hold_limit(problem)
+    assert limit.answer.startswith("by rounding alone: undecided; at mu = 0 forces balance the load to")
+    assert limit.narrow
 
 
 def test_contacts_that_move_by_themselves_are_refused() -> None:
