@@ -21,11 +21,6 @@ WITHIN = 2.0
 """Not more than this many times the virtual best is near to it."""
 
 
-def fastest(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """Mark which labels share the lead on a problem, problems × labels."""
-    return ratios(times, floor) <= 1.0
-
-
 def gaps(times: pd.DataFrame, floor: float = FLOOR, lost: pd.DataFrame | None = None) -> pd.DataFrame:
     """Compare each label with the virtual best of all, one row a label (sorted).
 

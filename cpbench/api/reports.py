@@ -15,12 +15,9 @@ from cpbench.generators.collection import address_text
 from cpbench.report import documents, page, row_files
 from cpbench.report.run import ProblemOrigin, assembled
 from cpbench.report.text import cut
-from cpbench.storage.base import require_folder
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from cpbench.analysis.comparison import Comparison
 
 ABOUT = 400
 """Characters of a source or a licence."""
@@ -33,7 +30,6 @@ def write_report(
     run: RunTable | None = None,
     *,
     csv: bool | None = True,
-    comparison: Comparison | None = None,
     publishable: bool = False,
     count_stationary: bool = False,
 ) -> tuple[list[Path], list[str]]:
@@ -42,7 +38,7 @@ def write_report(
     Parameters
     ----------
     run : the rows of the store, read here where they are not at hand. csv : whether the rows are written; None where
-        they are not too many. comparison : with another run (`analysis.comparison`), a section of its own.
+        they are not too many.
     publishable : whether solvers whose figures must not be published are left out of everything.
     count_stationary : whether answers that are stationary only are among the solved.
     """
@@ -54,33 +50,11 @@ def write_report(
     origins, histories = _origins(store, run.stored), history.table(store.histories())
     whole = assembled(run, folder, histories, origins=origins, address=address_text, **chosen)
     whole = replace(whole, meta={**whole.meta, "sha256": store.sha256()})
-    markdown, text = documents.write(whole, title, comparison)
+    markdown, text = documents.write(whole, title)
     html = page.write(whole, text)
     if has_csv:
         row_files.write(whole.timed, folder / "results.csv")
     return [markdown, html], notes if many else []
-
-
-def report_file(
-    results: Path, folder: Path, title: str, baseline: Path | None, **choices: Any
-) -> tuple[list[Path], list[str]]:
-    """Write the report of a results file, with a comparison where another run is given.
-
-    Parameters
-    ----------
-    choices : as `write_report` takes them. Returns what `write_report` does.
-    """
-    from cpbench.analysis.comparison import compare
-    from cpbench.api.results import side, side_of
-
-    with Store(results) as store:
-        require_folder(folder)
-        if baseline is None:
-            return write_report(store, folder, title, **choices)
-        new = side_of(store)
-        comparison = compare(side(baseline), new)
-        run = RunTable.of(new.table, store.meta())
-        return write_report(store, folder, title, run, comparison=comparison, **choices)
 
 
 def _origins(store: Store, table: pd.DataFrame) -> dict[str, ProblemOrigin]:

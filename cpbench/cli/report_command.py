@@ -15,12 +15,6 @@ from cpbench.cli.types import PATH
 @click.argument("results", type=PATH)
 @click.option("-o", "--output", type=PATH, help="Folder of the report; default: reports/NAME.")
 @click.option("--title", help="Title of the report; default: name of the results file.")
-@click.option(
-    "--baseline",
-    type=PATH,
-    metavar="OTHER",
-    help="Run to compare with in a section of the Markdown report.",
-)
 @publishable_option
 @click.option("--csv", is_flag=True, help="Write results.csv also of more than 200000 rows.")
 @stationary_option
@@ -28,7 +22,6 @@ def command(
     results: Path,
     output: Path | None,
     title: str | None,
-    baseline: Path | None,
     publishable: bool,
     csv: bool,
     count_stationary: bool,
@@ -36,9 +29,13 @@ def command(
     """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows."""
     choices = {"publishable": publishable, "count_stationary": count_stationary}
     folder, name = output or Path("reports") / results.stem, title or results.stem
-    from cpbench.api import reports
+    from cpbench.api.reports import write_report
+    from cpbench.bench.results.store import Store
+    from cpbench.storage.base import require_folder
 
     before = list(folder.iterdir()) if folder.is_dir() else []
-    files, remarks = reports.report_file(results, folder, name, baseline, csv=csv or None, **choices)
+    with Store(results) as store:
+        require_folder(folder)
+        files, remarks = write_report(store, folder, name, csv=csv or None, **choices)
     print_lines(f"report: {replaced(path, before)}" for path in files)
     print_lines(remarks, err=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
@@ -20,18 +20,11 @@ from cpbench.analysis.ranking_order import LEVEL
 from cpbench.analysis.reliability import NEAR
 from cpbench.analysis.table import ResultGroup
 from cpbench.report import overview_figure, sentences, tables
-from cpbench.report.matrix import legend, matrix
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, group_name, group_name_text
 from cpbench.report.templating import Table, rendered
 from cpbench.report.text import plain, seconds
 from cpbench.verification import BESIDE
-
-if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison
-
-MATRIX_PROBLEMS = 60
-"""The most problems of a formulation for which the matrix is printed."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +34,6 @@ class ShownGroup:
     Attributes
     ----------
     name : as Markdown. anchor : of its heading, as hosting sites make it. sizes : ranges of its dimensions.
-    matrix : problems × solvers and its legend, '' where there are too many problems.
     """
 
     name: str
@@ -50,22 +42,16 @@ class ShownGroup:
     pairs: int
     sizes: str
     tables: dict[str, Table]
-    matrix: tuple[str, str]
     beside: str
 
 
-def write(run: Run, title: str, comparison: Comparison | None = None) -> tuple[Path, dict[str, Any]]:
+def write(run: Run, title: str) -> tuple[Path, dict[str, Any]]:
     """Write report.md, its figure and details.md into the folder of the run; returns the path of the first and what the
     templates were given, for the page."""
     run.folder.mkdir(parents=True, exist_ok=True)
     given = context(run, title)
-    given["comparison"] = ""
     ranked = [ranking for ranking in run.rankings if ranking.rows]
     given["figure"], given["figure_guide"] = overview_figure.draw(run, ranked)
-    if comparison is not None:
-        from cpbench.report.comparison import markdown
-
-        given["comparison"] = markdown.section(comparison)
     path = run.folder / "report.md"
     path.write_text(rendered("report.md.j2", given), encoding="utf-8")
     if len(run.rows):
@@ -86,19 +72,17 @@ def context(run: Run, title: str) -> dict[str, Any]:
         "certainty": dict.fromkeys(certainty.LEVELS, 0) | levels.to_dict(),
         "methods": METHODS,
         "constants": {"enough": sentences.ENOUGH, "floor": seconds(FLOOR), "level": f"{LEVEL:.0%}", "near": NEAR,
-                      "far": certainty.FAR, "families": bootstrap.FEW, "matrix": MATRIX_PROBLEMS},
+                      "far": certainty.FAR, "families": bootstrap.FEW},
     }  # fmt: skip
 
 
 def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
     ranking = next((one for one in run.rankings if one.group == group), None)
-    times = run.compared[group].times
     group_tables = tables.of_group(run, group, rows, ranking)
     problems = rows["fingerprint"].nunique()
     sizes = [
         f"{plain(k)} {a}" if a == b else f"{plain(k)} {a} to {b}" for k, (a, b) in summary.size_ranges(rows).items()
     ]
-    order = [str(label) for label in group_tables["verdicts"].frame["solver"]]
     return ShownGroup(
         name=group_name(run, group),
         anchor=re.sub(r"[^\w -]", "", group_name_text(run, group).lower()).replace(" ", "-"),
@@ -106,6 +90,5 @@ def _group(run: Run, group: ResultGroup, rows: pd.DataFrame) -> ShownGroup:
         pairs=len(rows),
         sizes=", ".join(sizes),
         tables=group_tables,
-        matrix=(matrix(rows, order, times), legend(rows)) if problems <= MATRIX_PROBLEMS else ("", ""),
         beside=BESIDE.get(group.node, ""),
     )

@@ -27,14 +27,34 @@ from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import Profile
 from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.foundation import frames
-from cpbench.report.matrix import SYMBOLS
 from cpbench.report.methods import FLAGS, KINDS
 from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import one_line
-from cpbench.verification import VERIFIED
+from cpbench.verification import VERIFIED, Status
 
 Column = np.ndarray[tuple[int], np.dtype[Any]]
 
+SYMBOLS = {
+    str(Status.SOLVED): "+",
+    str(Status.STATIONARY): "s",
+    str(Status.APPROXIMATE): "a",
+    str(Status.LOST): "l",
+    str(Status.INACCURATE): "i",
+    str(Status.WRONG): "W",
+    str(Status.UNRESOLVABLE): "r",
+    str(Status.INFEASIBLE): "0",
+    str(Status.UNBOUNDED): "u",
+    str(Status.FAILED): "f",
+    str(Status.MAX_ITER): "m",
+    str(Status.TIMEOUT): "T",
+    str(Status.MEMOUT): "M",
+    str(Status.CRASH): "C",
+    str(Status.ERROR): "E",
+    str(Status.UNSUPPORTED): ".",
+    str(Status.UNAVAILABLE): "-",
+    str(Status.NOT_RUN): "?",
+}
+"""What stands for a status in the table of problems and solvers."""
 WHOLE = 20_000
 """Rows up to which a page has every pair with all its facts."""
 KEPT = 4_000
@@ -128,7 +148,7 @@ def _statuses() -> dict[str, Any]:
     return {
         "names": names,
         "verified": [int(name in VERIFIED) for name in names],
-        "symbols": [SYMBOLS[name].strip() for name in names],
+        "symbols": [SYMBOLS[name] for name in names],
     }
 
 

@@ -1,8 +1,8 @@
 """Pieces of Markdown. Whatever comes from a table is text in it: no name can become markup, a link or a new line.
 
-In running text and in cells of tables (`plain`) & < > are written as entities. In code spans (`code`) and code blocks
-(`fenced`) they stand as they are: every reader of Markdown shows them as text there, and would show entities as they
-are spelled. That does not hold within HTML, so no document of cpbench puts these pieces between tags.
+In running text and in cells of tables (`plain`) & < > are written as entities. In code spans (`code`) they stand as
+they are: every reader of Markdown shows them as text there, and would show entities as they are spelled. That does not
+hold within HTML, so no document of cpbench puts these pieces between tags.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cpbench.foundation.text import counted as counted  # part of the words of a report
@@ -56,14 +56,6 @@ def cut(value: Any, length: int = 160) -> str:
     """Cut text to one line of at most `length` characters."""
     line = one_line(value)
     return line if len(line) <= length else line[: length - 1] + "…"
-
-
-def fenced(lines: Iterable[str]) -> str:
-    """Write lines as they are, in a code block that none of them can close."""
-    body = list(lines)
-    longest = max((len(run) for line in body for run in re.findall(r"`+", line)), default=0)
-    fence = "`" * max(3, longest + 1)
-    return "\n".join([f"{fence}text", *body, fence])
 
 
 def number(value: float) -> str:

@@ -23,7 +23,7 @@ from cpbench.bench.planning.plan import Limits
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.report.templating import Table
-from cpbench.report.text import code, fenced, plain
+from cpbench.report.text import code, plain
 
 SCRIPT = "<script>alert(36)</script>"
 TEXTS = (
@@ -84,9 +84,9 @@ class _Tags(HTMLParser):
 
 @pytest.mark.parametrize("text", TEXTS + MARKS)
 def test_pieces_of_markdown_are_text(text: str) -> None:
-    """Running text, code spans, cells of both, and code blocks; each shows the text, and a table keeps its cells."""
+    """Running text, code spans, cells of both; each shows the text, and a table keeps its cells."""
     table = Table.of({"a": "text", "b": "code"}, [[text, text]]).markdown
-    pieces = [plain(text), code(text), table, fenced(text.split("\n"))]
+    pieces = [plain(text), code(text), table]
     assert _html("\n\n".join(pieces)) == []
     words = "".join(letter if letter.isprintable() else " " for letter in text).split()
     for piece in pieces[:2]:

@@ -10,7 +10,7 @@ from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.noise import BIAS
 from cpbench.report.comparison import words
 from cpbench.report.templating import Table, rendered
-from cpbench.report.text import code, counted, cut, listed, plain
+from cpbench.report.text import counted, cut, listed, plain
 
 MARKS = {
     PairVerdict.REGRESSED: "❌",
@@ -22,7 +22,7 @@ LISTED = 50
 """The most pairs of a table; a summary of a CI job holds 1 MiB. The rest is counted, and is in the JSON."""
 
 
-def document(comparison: Comparison, heading: str = "##") -> str:
+def document(comparison: Comparison) -> str:
     """Write the whole summary."""
     undecided = comparison.with_verdict(PairVerdict.INCONCLUSIVE)
     by_time = undecided["gate"] == "time"
@@ -31,7 +31,6 @@ def document(comparison: Comparison, heading: str = "##") -> str:
         "comparison.md.j2",
         {
             "comparison": comparison,
-            "heading": heading,
             "words": words,
             "mark": MARKS[comparison.verdict],
             "regressed": _pairs(comparison, PairVerdict.REGRESSED),
@@ -45,11 +44,6 @@ def document(comparison: Comparison, heading: str = "##") -> str:
             "notes": _notes(comparison),
         },
     )
-
-
-def section(comparison: Comparison) -> str:
-    """Write the summary as a section of a report about the new side."""
-    return f"## Compared with {code(comparison.base.name)}\n\n{document(comparison, '###')}"
 
 
 def _pairs(comparison: Comparison, verdict: PairVerdict) -> dict[str, Any]:
