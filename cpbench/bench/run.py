@@ -128,6 +128,7 @@ def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) 
         versions=machine.versions(),
         jobs=asked.jobs,
         reference=NAME,
+        kept_all=asked.keep == "all" and bool(before.get("kept_all", "plan" not in before)),
         builtin=asked.builtin,
         formats=_formats(before.get("formats", {}), assembly.read),
         plan=asked.effective(assembly.found),

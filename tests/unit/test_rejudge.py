@@ -98,6 +98,15 @@ def test_each_of_eleven_rows_that_were_changed_by_hand_is_named(copy: Path) -> N
     assert cpbench(copy.parent, "verify", copy.name).returncode == 1
 
 
+def test_rows_of_a_run_that_kept_no_answers_are_not_accused(copy: Path) -> None:
+    for words in (["lemke", "--keep", "none"], ["bpp"]):
+        done = cpbench(copy.parent, "run", ".", "-s", *words, "--no-report", "-q", "-o", "kept.sqlite")
+        assert done.returncode == 0, done.stderr
+    follows, lines = judged_again(copy.with_name("kept.sqlite"))
+    assert follows
+    assert "no answer to judge" in lines[1]
+
+
 def test_an_error_that_another_machine_rounds_otherwise_is_none(copy: Path) -> None:
     change(copy, "UPDATE rows SET error = error * (1 + 1e-9) + 1e-16 WHERE error IS NOT NULL")
     assert judged_again(copy)[0]

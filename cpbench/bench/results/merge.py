@@ -132,6 +132,7 @@ def _merge_facts(target: Store, stores: Sequence[Store]) -> None:
     plans = [meta["plan"] for meta in metas if meta.get("plan")]
     if plans and all(_whole(plan) == _whole(plans[0]) for plan in plans):
         merged["plan"] = _whole(plans[0])
+    merged["kept_all"] = all(meta.get("kept_all") for meta in metas)
     merged["jobs"] = max((meta.get("jobs") or 1 for meta in metas), default=1)
     names = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions", "plan")
     merged["merged"] = [

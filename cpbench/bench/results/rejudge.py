@@ -46,7 +46,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
         store.require_whole()
         kept = {key: (kind, data) for key, kind, data in store.certificates() if kind in verification.PROVEN}
         meta = store.meta()
-        formats, keeps = meta.get("formats", {}), meta.get("plan", {}).get("keep") == "all"
+        formats, kept_all = meta.get("formats", {}), bool(meta.get("kept_all"))
         rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
         changes: Counter[str] = Counter()
         without: Counter[str] = Counter()
@@ -65,7 +65,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
                 blob = store.ending(row.key)[1]
                 if problem.fingerprint != row.fingerprint:  # the file held another problem when this row was made
                     without["of what its file held before"] += 1
-                elif blob is None and row.key not in kept and not _needs_answer(row, keeps):
+                elif blob is None and row.key not in kept and not _needs_answer(row, kept_all):
                     without[row.status] += 1
                 else:
                     as_run = tolerance in (None, row.tolerance) and measure in (None, row.measure)
@@ -83,9 +83,10 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None,
     return not faults
 
 
-def _needs_answer(row: Row, keeps: bool) -> bool:
-    """Return whether the status of a row has to follow from something kept; `keeps` : the run kept all answers."""
-    dropped = not keeps or NOT_KEPT in (row.message or "")
+def _needs_answer(row: Row, kept_all: bool) -> bool:
+    """Return whether the status of a row has to follow from something kept; kept_all : whether every run into its file
+    kept all answers."""
+    dropped = not kept_all or NOT_KEPT in (row.message or "")
     return row.status in verification.PROVEN or (row.status in verification.MET_TOLERANCE and not dropped)
 
 
