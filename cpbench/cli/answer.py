@@ -15,6 +15,8 @@ from cpbench.api.concluding import contradiction_lines
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.foundation.text import counted
+from cpbench.report.sentences import solved_most
+from cpbench.report.text import listed_plainly
 
 LINES = 30
 """The most lines on what could not be run."""
@@ -55,19 +57,23 @@ def print_answer(run: RunTable) -> None:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
     if quoted := quotation(run.meta):
         print_lines(folded(quoted))
-    lines = [line for ranking in run.rankings for line in _sentence(ranking)]
-    first = [click.style(line, fg="yellow") for line in folded(run.disturbance)] if run.disturbance else []
-    click.echo("\n".join(["", *([*first, "Which solver to use:"] if lines else []), *lines]))
+    lines = [line for ranking in run.rankings for line in _sentence(ranking, bool(run.disturbance))]
+    warning = [click.style(line, fg="yellow") for line in folded(run.disturbance) if line]
+    first = warning or ["Which solver to use:"]
+    click.echo("\n".join(["", *(first if lines else []), *lines]))
 
 
 def _title(ranking: Ranking) -> str:
     return f" ({ranking.title})" if ranking.title else ""
 
 
-def _sentence(ranking: Ranking) -> Sequence[str]:
-    """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold."""
+def _sentence(ranking: Ranking, disturbed: bool) -> Sequence[str]:
+    """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold; where
+    times were `disturbed`, the solvers that solved most."""
     opening = f"{ranking.formulation}{_title(ranking)}: {ranking.advice.before}"
-    first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
+    withheld = disturbed and ranking.advice.winner
+    text = solved_most(ranking, listed_plainly) if withheld else ranking.verdict
+    first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {text}")
     if first.startswith(opening + ranking.winner):  # the opening may be longer than a line
         first = opening + click.style(ranking.winner, bold=True) + first.removeprefix(opening + ranking.winner)
     return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]

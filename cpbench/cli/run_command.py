@@ -125,7 +125,8 @@ def command(
     plan = run_plan.make(given, *values, suite=suite)
     display = Display(quiet)
     display.steps.say("looking for problems")
-    figures = () if plan.report is None else ("matplotlib.figure", "matplotlib.backends.backend_agg")
+    # which a run of few pairs does not draw
+    figures = ("matplotlib.figure", "matplotlib.backends.backend_agg") if plan.suite and plan.report is not None else ()
     # while processes start and files are read
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports", *figures)
     try:

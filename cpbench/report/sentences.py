@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import pandas as pd
@@ -49,11 +49,16 @@ def _answer(run: Run, ranking: Ranking) -> str:
     if not advice.winner:
         return plain(advice.text)
     if run.disturbance:
-        most = max(row.solved for row in ranking.rows)
-        first = [row.solver for row in ranking.rows if row.solved == most]
-        return f"most problems were solved by {listed(first, 4)}: {most} of {ranking.cases}."
+        return solved_most(ranking, listed)
     gap = " " if advice.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
     return f"{plain(advice.before)} **{code(advice.winner)}**{gap}{plain(advice.after)}"
+
+
+def solved_most(ranking: Ranking, names: Callable[[Sequence[str], int], str]) -> str:
+    """Return which solvers solved most problems: all that there is to say where the times are not to be relied on."""
+    most = max(row.solved for row in ranking.rows)
+    first = [row.solver for row in ranking.rows if row.solved == most]
+    return f"most problems were solved by {names(first, 4)}: {most} of {ranking.cases}."
 
 
 def headline(run: Run) -> Iterator[str]:

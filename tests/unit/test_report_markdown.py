@@ -17,6 +17,7 @@ from cpbench.analysis import bootstrap, means, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import participating
 from cpbench.analysis.run_table import RunTable
+from cpbench.cli.answer import print_answer
 from cpbench.report import documents, figures
 from cpbench.report.run import ProblemOrigin, assembled
 from cpbench.report.text import seconds, solve_command
@@ -126,8 +127,8 @@ def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
     assert f"| wrong | 1 | `lemke 1` | thought so | `{again}` |" in text
 
 
-def test_the_answer_of_enough_problems_says_what_to_use(tmp_path: Path) -> None:
-    """A busy machine takes away what hangs on times, and nothing of what was solved."""
+def test_the_answer_of_enough_problems_says_what_to_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A busy machine takes away what hangs on times, and nothing of what was solved; on the terminal, too."""
     rows = table(*(row(f"p-{k}", s, "solved", t) for k in range(20) for s, t in (("fast", 1.0), ("slow", 2.0))))
     quiet = report(rows, tmp_path)
     assert "\n- **lcp** (linear complementarity problem): use **`fast`**: it solves 20 of 20 problems, " in quiet
@@ -136,6 +137,11 @@ def test_the_answer_of_enough_problems_says_what_to_use(tmp_path: Path) -> None:
     assert "problem): most problems were solved by `fast`, `slow`: 20 of 20.\n" in busy
     assert "| `slow` | 20/20 |" in busy
     assert "; load 9.0, at most 9.0. **Do not rely on these times: the load was beyond the 2 cores" in busy
+    for load, said in ((0.1, "use fast: it solves"), (9.0, "most problems were solved by fast, slow: 20 of 20.")):
+        print_answer(RunTable.of(rows.assign(loadavg=load), meta(machine={"threads": 2})))
+        printed = capsys.readouterr().out
+        assert f"lcp (linear complementarity problem): {said}" in printed
+        assert ("Do not rely on these times" in printed) == ("Which solver to use:" not in printed) == (load > 2)
 
 
 def test_the_hardest_problems_are_told_with_where_they_are_from(tmp_path: Path) -> None:
