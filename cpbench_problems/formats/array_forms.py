@@ -9,6 +9,7 @@ cvxopt       P, q, G, h, A, b, dims.l, dims.q, dims.s: min ½xᵀPx + qᵀx, h �
 box QP       data, indices, indptr, shape, q, l, u: min ½xᵀMx + qᵀx, l ≤ x ≤ u, M by rows
 ContactBench G, g, mus: u = Gr + g, the normal is the last of each three rows
 boxed LCP    A, b, lo, hi, findex: Ax = b + w, lo ≤ x ≤ hi, as ODE, DART and Bullet have it
+engine       M, J, v, mu, ... and Delassus W, q, mu, joints: see `engine_arrays`
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from functools import cache, cached_property
 
 from cpbench.errors import UnknownName
 from cpbench.formulations.base import ANNOTATIONS, Problem, formulations
+from cpbench.formulations.contact import ContactProblem
 
 Symbols = tuple[str, ...]
 
@@ -93,7 +95,11 @@ LEAST_SQUARES = _program("least squares", "A b", "A m n, b m, lb n, ub n", {"x0"
 """min ½‖Ax − b‖², lb ≤ x ≤ ub: never chosen by its names, which a system Ax = b has too."""
 GAME = _program("game", "A B", "A m n, B m n", {}, "lcp")
 """A bimatrix game, payoffs of the row and of the column player: never chosen by its names either."""
-FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH, BOXED)
+ENGINE = _program(
+    "engine", "M J v mu", "M n n, J m n, v n, tau n, dt, mu, phi, restitution, dimension, order", {}, "gfc"
+)
+DELASSUS = _program("Delassus", "W q mu joints", "W k k, q k, mu, joints, dimension, order", {}, "fcm")
+FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH, BOXED, ENGINE, DELASSUS)
 
 _CONTAINED = {"relay": "avi"}
 """Formulations whose arrays have the names of a wider one, which is read instead: its bounds may be infinite."""
@@ -105,6 +111,7 @@ def own(cls: type[Problem]) -> ArrayForm:
     left out."""
     declared = {f.name: f.metadata["shape"] for f in fields(cls) if "shape" in f.metadata}
     plain = [f.name for f in fields(cls) if f.name not in ANNOTATIONS and f.name not in declared]
+    plain += ["order"] if issubclass(cls, ContactProblem) else []  # of the rows of a contact
     parameters = inspect.signature(getattr(cls, "build", cls)).parameters
     needs = frozenset(name for name in declared if parameters[name].default is inspect.Parameter.empty)
     return ArrayForm(cls.node, cls.node, {**declared, **dict.fromkeys(plain, ())}, needs, own=True)

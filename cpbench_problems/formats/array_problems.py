@@ -21,7 +21,7 @@ from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.storage.arrays import SPARSE, sparse_from_parts
 from cpbench.storage.base import OFFSET, build, stem
 from cpbench_problems.applications import boxed_problem, game_problem, least_squares_problem
-from cpbench_problems.formats import array_forms
+from cpbench_problems.formats import array_forms, engine_arrays
 from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import (
     NamedArrays,
@@ -80,12 +80,14 @@ def build_problem(path: Path, values: Mapping[str, Any], form: ArrayForm, text: 
     return build(path, cls, "", name=name or stem(path), info=info, **parts)
 
 
-Made = tuple[type[Problem], dict[str, Any], dict[str, Any]]
+Made = tuple[type[Problem], dict[str, Any], Mapping[str, Any]]
 """A formulation, its data, and properties to remember."""
 
 
 def _own(arrays: NamedArrays, form: ArrayForm) -> Made:
-    cls = formulations.get(form.node)
+    cls, notes = formulations.get(form.node), dict[str, str]()
+    if issubclass(cls, ContactProblem):
+        arrays, notes = engine_arrays.in_order(arrays, form, cls)
     parts: dict[str, Any] = {}
     for name, symbols in form.arrays.items():
         if name not in arrays:
@@ -97,7 +99,7 @@ def _own(arrays: NamedArrays, form: ArrayForm) -> Made:
             parts[name] = arrays.vector(name) if symbols else int(arrays.number(name, 0))
     if issubclass(cls, ContactProblem) and "dimension" not in parts and len(parts["mu"]):
         parts["dimension"] = _dimension(arrays, form, cls, parts)
-    return cls, _whole_qp(parts) if cls is QP else parts, {}
+    return cls, _whole_qp(parts) if cls is QP else parts, notes
 
 
 def _dimension(arrays: NamedArrays, form: ArrayForm, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
@@ -247,4 +249,6 @@ _MAKERS: Mapping[str, Callable[[NamedArrays, ArrayForm], Made]] = {
     array_forms.BOXED.name: _boxed,
     array_forms.LEAST_SQUARES.name: _least_squares,
     array_forms.GAME.name: _game,
+    array_forms.ENGINE.name: engine_arrays.engine_step,
+    array_forms.DELASSUS.name: engine_arrays.delassus,
 }
