@@ -6,14 +6,13 @@ bound that its module states; beyond it a fact is `not decided`, with the reason
 
 from cpbench_lab.facts.fact import Fact, How
 from cpbench_lab.facts.problem import of_matrix, of_problem
-from cpbench_lab.facts.sign_classes import m_matrix, p_matrix, z_matrix
+from cpbench_lab.facts.sign_classes import p_matrix, z_matrix
 from cpbench_lab.facts.spectrum import definiteness, rank, symmetry
 
 __all__ = [
     "Fact",
     "How",
     "definiteness",
-    "m_matrix",
     "of_matrix",
     "of_problem",
     "p_matrix",

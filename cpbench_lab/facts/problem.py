@@ -12,7 +12,7 @@ from cpbench.formulations.contact import ContactProblem, DelassusContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import PSD_TOLERANCE, Matrix
 from cpbench_lab.facts.fact import Fact, How, decided
-from cpbench_lab.facts.sign_classes import m_matrix, p_matrix, z_matrix
+from cpbench_lab.facts.sign_classes import p_matrix, z_matrix
 from cpbench_lab.facts.spectrum import SCALED, definiteness, rank, symmetry
 
 _OTHER_SETS = frozenset({("mlcp", "A"), ("qp", "Q"), ("coneqp", "Q"), ("soclcp", "M")})
@@ -39,7 +39,7 @@ def of_problem(problem: Problem) -> tuple[Fact, ...]:
 
 
 def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool = True) -> list[Fact]:
-    """Decide rank, and for a square matrix symmetry and definiteness; with `classes` also Z, M, P."""
+    """Decide rank, and for a square matrix symmetry and definiteness; with `classes` also Z and P."""
     if square is None:
         square = M.shape[0] == M.shape[1]
     if not square:
@@ -47,8 +47,7 @@ def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool
     known = definiteness(M, name)
     result = [symmetry(M, name), known, rank(M, name, known=known)]
     if classes:
-        p = p_matrix(M, name, known)
-        result += [z_matrix(M, name), m_matrix(M, name, p), p]
+        result += [z_matrix(M, name), p_matrix(M, name, known)]
     return result
 
 

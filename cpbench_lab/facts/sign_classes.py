@@ -1,9 +1,8 @@
-"""Z-, M- and P-matrices, the classes that decide how many solutions an LCP has.
+"""P-matrices, the class that decides whether an LCP has one solution, and Z-matrices.
 
-Z: no positive entry off the diagonal. M (nonsingular): Z, and M⁻¹ ≥ 0; equivalently Z, and Mx > 0 for some x > 0.
-P: all principal minors positive; equivalently LCP(M, q) has one solution for every q. Sources: Cottle, Pang, Stone,
-The Linear Complementarity Problem (1992), 3.3 and 3.11; Berman, Plemmons, Nonnegative Matrices (1979), theorem
-6.2.3; the recursion over Schur complements is that of Tsatsomeros and Li, BIT 40 (2000).
+Z: no positive entry off the diagonal; such a matrix is P exactly when it is a nonsingular M-matrix. P: all principal
+minors positive; equivalently LCP(M, q) has one solution for every q (Cottle, Pang, Stone, The Linear Complementarity
+Problem (1992), 3.3 and 3.11). The recursion over Schur complements is that of Tsatsomeros and Li, BIT 40 (2000).
 """
 
 from __future__ import annotations
@@ -12,15 +11,13 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cpbench.foundation import factorization, matrices
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Vector
 from cpbench_lab.facts.fact import Fact, How, undecided
-from cpbench_lab.facts.spectrum import affordable
 
 MINORS_LIMIT = 18
 """Largest irreducible block whose 2ⁿ − 1 principal minors are all looked at (about a second)."""
@@ -38,26 +35,11 @@ def z_matrix(M: Matrix, name: str) -> Fact:
     return Fact("Z-matrix", name, True, How.EXACT, evidence="no positive entry off the diagonal")
 
 
-def m_matrix(M: Matrix, name: str, p: Fact | None = None) -> Fact:
-    """Decide whether M is a nonsingular M-matrix: Z, and x > 0 with Mx > 0, which is looked for as x = M⁻¹e.
-
-    Where rounding forbids that, `p` (whether it is a P-matrix) decides: a Z-matrix is P exactly when it is M.
-    """
-    label = "M-matrix"
-    largest = float(_off_diagonal(M).data.max(initial=0.0))
-    if largest > 0:
-        return Fact(label, name, False, How.EXACT, largest, evidence="largest entry off the diagonal")
-    result = _semipositive(M, label, name)
-    if result.value is None and p is not None and p.value is not None:
-        return Fact(label, name, p.value, p.how, p.number, evidence=f"as P-matrix: {p.evidence}")
-    return result
-
-
 def p_matrix(M: Matrix, name: str, definiteness: Fact) -> Fact:
     """Decide whether all principal minors are positive; `definiteness` is that of the same matrix.
 
-    Decided by all minors of the irreducible diagonal blocks where they are small enough; else by what suffices
-    (positive definite, H-matrix with positive diagonal, and for a Z-matrix: M-matrix) or by a minor of order 1 or 2.
+    Decided by all minors of the irreducible diagonal blocks where they are small enough; else by definiteness, or by a
+    minor of order 1 or 2.
     """
     label, n = "P-matrix", M.shape[0]
     if n == 0:
@@ -72,24 +54,14 @@ def p_matrix(M: Matrix, name: str, definiteness: Fact) -> Fact:
     blocks = _irreducible_blocks(M)
     if max(b.size for b in blocks) <= MINORS_LIMIT and sum(2.0**b.size for b in blocks) <= MINORS_WORK:
         return _by_minors(M, name, blocks)
-    if float(_off_diagonal(M).data.max(initial=0.0)) <= 0:
-        found = _semipositive(M, label, name)
-        return Fact(label, name, found.value, found.how, found.number, None, f"as M-matrix: {found.evidence}")
     if definiteness.value == "positive definite":
         return Fact(label, name, True, definiteness.how, evidence="positive definite")
-    comparison: Any = sp.diags_array(diagonal) - abs(_off_diagonal(M))
-    if not matrices.is_sparse(M):
-        comparison = comparison.toarray()
-    found = _semipositive(comparison, label, name)
-    if found.value:
-        evidence = f"H-matrix with positive diagonal; comparison matrix: {found.evidence}"
-        return Fact(label, name, True, found.how, found.number, None, evidence)
     largest = max(b.size for b in blocks)
     return undecided(
         label,
         name,
         f"irreducible block of {largest} rows, all minors are looked at up to {MINORS_LIMIT}; not positive definite, "
-        "no H-matrix, no minor of order 1 or 2 fails",
+        "no minor of order 1 or 2 fails",
     )
 
 
@@ -119,46 +91,6 @@ def _off_diagonal(M: Matrix) -> Any:
     csr = csr - sp.diags_array(np.asarray(csr.diagonal()), format="csr")
     csr.eliminate_zeros()
     return sp.csr_array(csr)
-
-
-def _semipositive(Z: Matrix, label: str, name: str) -> Fact:
-    """Decide whether the Z-matrix `Z` is a nonsingular M-matrix: by x = e (diagonal dominance), else by x = Z⁻¹e."""
-    n = Z.shape[0]
-    if n == 0:
-        return Fact(label, name, True, How.EXACT, evidence="no rows")
-    diagonal = np.asarray(Z.diagonal())
-    i = int(diagonal.argmin())
-    if diagonal[i] <= 0:
-        return Fact(label, name, False, How.EXACT, float(diagonal[i]), evidence=f"diagonal entry {i + 1} is")
-    rounding = n * EPS * np.asarray(abs(Z).sum(axis=1))
-    margin = np.asarray(Z.sum(axis=1))
-    if (margin > rounding).all():
-        least = float((margin / diagonal).min())
-        return Fact(label, name, True, How.EXACT, least, evidence="diagonally dominant, least margin over the diagonal")
-    if not affordable(Z):
-        return undecided(label, name, f"n = {n} is too large to solve with it")
-    # no choice of units may make a part of x vanish; powers of 2 round nothing
-    Z = matrices.scaled_both(Z, np.ldexp(1.0, -(np.frexp(diagonal)[1] // 2)))
-    x = _solve(Z, np.ones(n))
-    if x is None:
-        return Fact(label, name, False, How.FACTORIZATION, evidence="singular")
-    x = x / max(float(np.abs(x).max()), 1e-300)
-    # for an M-matrix nothing cancels in x = Z⁻¹e, and Zx > 0 beyond rounding is a proof by itself
-    if (x > 0).all() and (Z @ x > EPS * n * np.asarray(abs(Z) @ x)).all():
-        return Fact(label, name, True, How.EXACT, float(x.min()), evidence="x > 0 with Mx > 0, min x / max x =")
-    if x.min() < -1e-8:
-        return Fact(label, name, False, How.FACTORIZATION, float(x.min()), 1e-8, "M⁻¹e is not positive, min/max =")
-    return undecided(label, name, "numerically singular: rounding decides the sign of M⁻¹e", float(x.min()))
-
-
-def _solve(Z: Matrix, b: Vector) -> Vector | None:
-    if matrices.is_sparse(Z):
-        lu = factorization.sparse_lu(Z)
-        x = None if lu is None else np.asarray(lu.solve(b))
-    else:
-        lu, pivots, info = sla.lapack.dgetrf(matrices.dense(Z))
-        x = None if info else np.asarray(sla.lapack.dgetrs(lu, pivots, b)[0])
-    return x if x is not None and np.isfinite(x).all() else None
 
 
 def _bad_pair(M: Matrix, diagonal: Vector) -> list[int] | None:
