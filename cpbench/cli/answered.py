@@ -87,12 +87,17 @@ def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: boo
         yield f"  {cause}"
 
 
+def own_parts(problem: Problem, point: Point) -> Mapping[str, Vector]:
+    """Return the numbers of an answer by the names of what the problem was made of, a game or the arrays of a package,
+    else by those of its formulation."""
+    return extensions.hook("own_unknowns")(problem, point) or point.arrays()
+
+
 def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[str]:
     """Yield the unknowns (of a game x and y, of least squares x and r) and the slacks that belong to them; of more than
     `most` the first, and how many follow."""
-    own: Mapping[str, Vector] | None = extensions.hook("own_unknowns")(problem, point)
-    parts = dict(own or point.arrays())
-    slacks = problem.slacks(point) if point.finite and own is None else {}
+    parts = dict(own_parts(problem, point))
+    slacks = problem.slacks(point) if point.finite and parts.keys() == point.arrays().keys() else {}
     columns = [printable(column) for column in unknowns(problem.info)]
     named = [name for name, end in zip(parts, accumulate(map(len, parts.values())), strict=True) if end <= len(columns)]
     blocks: list[tuple[Sequence[str] | None, str, Vector]] = []
@@ -182,7 +187,10 @@ class Answered:
         measured = {name: getattr(self.outcome, name) for name in MEASURED}
         known = {name: value for name, value in measured.items() if value is not None}
         objective = self._objective()
-        more = {} if objective is None else {"objective": objective}
+        more: dict[str, Any] = {} if objective is None else {"objective": objective}
+        if self.problem is not None and self.point is not None and self.outcome.status not in PROVEN:
+            parts: Mapping[str, Vector] = own_parts(self.problem, self.point)
+            known["answer"] = {name: values.tolist() for name, values in parts.items()}
         return {"problem": self.name, "solver": self.label, **more, **known}
 
     def _objective(self) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -70,40 +70,29 @@ class QP(Problem):
 
     Q: Matrix = matrix_field("n", "n")
     p: Vector = vector_field("n")
-    A: Matrix = matrix_field("m", "n")
-    b: Vector = vector_field("m")
-    C: Matrix = matrix_field("k", "n")
-    d: Vector = vector_field("k")
-    lb: Vector = vector_field("n", finite=False)
-    ub: Vector = vector_field("n", finite=False)
+    A: Matrix = matrix_field("m", "n", optional=True)
+    b: Vector = vector_field("m", fill=0.0)
+    C: Matrix = matrix_field("k", "n", optional=True)
+    d: Vector = vector_field("k", fill=0.0)
+    lb: Vector = vector_field("n", finite=False, fill=-np.inf)
+    ub: Vector = vector_field("n", finite=False, fill=np.inf)
 
     @classmethod
     def build(
         cls,
         Q: Matrix,
         p: Vector,
-        A: Matrix | None = None,
-        b: Vector | None = None,
-        C: Matrix | None = None,
-        d: Vector | None = None,
-        lb: Vector | None = None,
-        ub: Vector | None = None,
+        A: Any = None,
+        b: Any = None,
+        C: Any = None,
+        d: Any = None,
+        lb: Any = None,
+        ub: Any = None,
         *,
         name: str = "",
     ) -> QP:
         """Return a QP with the absent parts empty (no rows) or infinite (bounds)."""
-        n = np.size(p)
-        return cls(
-            Q=Q,
-            p=p,
-            A=matrices.zeros(0, n, Q) if A is None else A,
-            b=np.zeros(0) if b is None else b,
-            C=matrices.zeros(0, n, Q) if C is None else C,
-            d=np.zeros(0) if d is None else d,
-            lb=np.full(n, -np.inf) if lb is None else lb,
-            ub=np.full(n, np.inf) if ub is None else ub,
-            name=name,
-        )
+        return cls(Q=Q, p=p, A=A, b=b, C=C, d=d, lb=lb, ub=ub, name=name)
 
     def check(self) -> None:
         if not matrices.is_symmetric(self.Q, 1e-9):

@@ -6,8 +6,10 @@ A file holds the group `certificate`:
     @tolerance, @margin, @seal (SHA-256 of all the rest)
     answer                the answer in doubles, its parts one after the other; none where no solution exists
     evidence/*            arrays of the proof
-    data/*                the problem: vectors, dense matrices, sparse ones as groups (shape, indptr, indices, data),
-                          maps as groups (inputs, constants, heads, left, right, outputs)
+    data/*                the problem, as the checker reads it: vectors, dense matrices, sparse ones as groups (shape,
+                          indptr, indices, data), maps as groups (inputs, constants, heads, left, right, outputs)
+
+Beside it stands the problem with the answer as its `/solution`, as in an answer file of cpbench.
 
 `checker/`, which shares no code with this package, proves it again from this file alone. A results file has
 certificates without `data` in its rows, and the data of each problem once.
@@ -29,6 +31,8 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench.storage.base import write_atomic
+from cpbench.storage.hdf5_files import write_problem
+from cpbench.storage.hdf5_points import put_solution
 from cpbench.storage.hdf5_tree import new_file, put_array, put_attribute
 
 VERSION = 4
@@ -113,6 +117,11 @@ def image(certificate: Certificate, problem: Problem | None = None) -> bytes:
         if problem is not None:
             _put_problem(own.create_group("data"), problem)
         put_attribute(own, "seal", _seal(own))
+        if problem is not None:
+            write_problem(root, problem, compress=True)
+            if certificate.answer.size:
+                point = problem.point_from_vector(certificate.answer)
+                put_solution(root, problem, point, {"name": problem.name, "verdict": certificate.level})
     return made[0]
 
 

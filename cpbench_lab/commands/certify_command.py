@@ -12,7 +12,9 @@ from cpbench import storage
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
+from cpbench.bench import multipliers
 from cpbench.bench.results.store import Store
+from cpbench.cli.answered import answer_lines
 from cpbench.cli.options import force_option, format_option, number, timeout_option, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
@@ -28,7 +30,7 @@ from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_ro
 @click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")
 @tolerance_option
 @timeout_option
-@click.option("-o", "--output", type=PATH, help="Output file of the certificate (.h5).")
+@click.option("-o", "--output", type=PATH, help="Output file of the certificate, with the answer (.h5).")
 @format_option
 @force_option
 def command(
@@ -68,7 +70,12 @@ def command(
     if answer is None and solver is None:
         point, certificate = certify_first(loaded, timeout, tolerance)
     else:
-        point = storage.load_answer(answer, loaded) if answer else solve(loaded, solver, tolerance=TOLERANCE)
+        if answer is not None:
+            given = storage.load_answer(answer, loaded, primal=True)
+            point, completed = multipliers.whole(loaded, given, tolerance)
+            print_lines([f"  {completed}"] if completed else [])
+        else:
+            point = solve(loaded, solver, tolerance=TOLERANCE)
         certificate = certify(loaded, point, seconds=timeout, tolerance=tolerance)
     told, solved = f"{address_text(problem)}: ", False
     if certificate.answer.size:
@@ -79,6 +86,8 @@ def command(
     print_lines(certificate_lines(certificate))
     if far:
         click.echo(f"  answer     meets the tolerance {tolerance:g} by its error, away from the solution that is known")
+    if certificate.answer.size:
+        print_lines(answer_lines(loaded, loaded.point_from_vector(certificate.answer), tolerance))
     if output is not None:
         save_certificate(certificate, loaded, output, force=force)
     if not (certificate or far):

@@ -21,6 +21,7 @@ import numpy as np
 from cpbench.errors import FormatError
 from cpbench.formulations.expressions.operators import Operator
 from cpbench.foundation.matrices import Vector
+from cpbench.foundation.text import some_of
 from cpbench_problems.formats.mof_functions import Affine, Function, Functions, Nonlinear, Quadratic
 from cpbench_problems.formats.mof_json import Fields, parse, shown
 
@@ -105,7 +106,7 @@ class Model:
             raise self.refused("constraints", f"has {rows} rows beside Complements")
         alone = [shown(name) for k, name in enumerate(self.names) if k not in self.pairs]
         if alone:
-            raise self.refused("constraints", f"has no function beside {alone[0]} (and {len(alone) - 1} more)")
+            raise self.refused("constraints", f"has no function beside {some_of(alone, 3)}")
         return [self.pairs[k] for k in range(len(self.names))]
 
 
@@ -228,7 +229,7 @@ class _Reader:
             if column is None:
                 raise fields.refused(where, "has no bare variable in the second half of Complements")
             if column in model.pairs:
-                raise fields.refused(where, f"has variable {column + 1} beside two functions")
+                raise fields.refused(where, f"has {shown(model.names[column])} beside two functions")
             model.pairs[column] = row
 
 

@@ -19,8 +19,6 @@ from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 Proof = TypeVar("Proof", Infeasible, Unbounded)
 
 SECONDS = 5.0
-ABOVE = 10.0
-"""How far above the floor a tolerance is that can be met."""
 FINEST = 1e-15
 """The tightest tolerance that is asked for."""
 
@@ -72,14 +70,11 @@ def rounding(case: FailedTrial) -> Cause | None:
     floor = case.failed.floor or floor_of(case.problem, case.known)
     if floor < case.trial.tolerance:
         return None
-    reachable = 10.0 ** math.ceil(math.log10(ABOVE * floor))
-    looser = replace(case.trial, tolerance=reachable)
     return Cause(
         kind="rounding",
         evidence=f"asked for {case.trial.tolerance:.1e}; rounding of the problem's terms alone leaves {floor:.1e}",
         numbers={"floor": floor},
         proved=True,
-        remedies=(Remedy(text=f"the same solver, asked for {reachable:.0e}", trial=looser),),
     )
 
 
