@@ -35,6 +35,7 @@ take x_j once, from the rows before the first friction row, where all friction i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,10 @@ import scipy.sparse as sp
 from cpbench.errors import PointError, ProblemError
 from cpbench.formulations.base import Info, Point, Problem
 from cpbench.formulations.linear import AVI, LCP, LCPPoint
-from cpbench.formulations.programs import QP
+from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector
+from cpbench_problems.formats.file_rows import file_rows
 
 GAME = "game"
 """Property of an LCP that is a game: the number of rows and of columns."""
@@ -110,8 +112,12 @@ LEAST_SQUARES = "least_squares"
 """Property of a QP that is a least-squares problem: the number of its unknowns x."""
 
 
-def least_squares_problem(A: Any, b: Any, lb: Any = None, ub: Any = None, name: str = "") -> QP:
+def least_squares_problem(
+    A: Any, b: Any, lb: Any = None, ub: Any = None, name: str = "", rows: Mapping[str, Any] | None = None
+) -> QP:
     """Return the QP of min ½‖Ax − b‖² with lb ≤ x ≤ ub; A has shape (m, n), b (m,), lb and ub (n,) or one number.
+
+    rows : A, b, C, d of conditions Ax ≥ b, Cx = d on x.
 
     Raises ProblemError where the shapes differ, an entry is not finite, or the bounds exclude each other.
     """
@@ -119,14 +125,15 @@ def least_squares_problem(A: Any, b: Any, lb: Any = None, ub: Any = None, name: 
     m, n = A.shape
     if b.size != m:
         raise ProblemError("least_squares.b", f"has {b.size} numbers, expected {m}, the rows of A")
-    residual = sp.csr_array(sp.eye_array(m, format="csr", dtype=np.float64))
+    residual, none = sp.csr_array(sp.eye_array(m, format="csr", dtype=np.float64)), sp.csr_array((0, n))
+    given = rows or {"A": none, "b": np.zeros(0), "C": none, "d": np.zeros(0)}
     return QP(
         Q=sp.csr_array(sp.block_diag([sp.csr_array((n, n)), residual], format="csr")),
         p=np.zeros(n + m),
-        A=sp.csr_array((0, n + m)),
-        b=np.zeros(0),
-        C=sp.csr_array(sp.hstack([matrices.sparse(A), -residual])),
-        d=b,
+        A=sp.csr_array(sp.hstack([given["A"], sp.csr_array((given["b"].size, m))])),
+        b=given["b"],
+        C=sp.csr_array(sp.block_array([[matrices.sparse(A), -residual], [given["C"], None]])),
+        d=np.concatenate([b, given["d"]]),
         lb=np.concatenate([_bound(lb, -np.inf, n, "lb"), np.full(m, -np.inf)]),
         ub=np.concatenate([_bound(ub, np.inf, n, "ub"), np.full(m, np.inf)]),
         name=name,
@@ -241,8 +248,10 @@ def _with_friction(A: Any, hi: Vector, normal: Any, friction: Any) -> Any:
 
 
 def own_unknowns(problem: Problem, point: Point) -> dict[str, Vector] | None:
-    """Return x and y of a game, x and the residual r of least squares, or x of a boxed LCP; None of any other problem,
-    and where the answer has no probabilities."""
+    """Return x and y of a game, x and the residual r of least squares, x of a boxed LCP, or x and the multipliers of a
+    program as its package has them; None of any other problem, and where the answer has no probabilities."""
+    if isinstance(point, QPPoint) and (rows_in_file := file_rows(problem)) is not None:
+        return rows_in_file.shown(point)
     if game_sizes(problem) is not None:
         try:
             x, y = strategies(problem, point)

@@ -17,6 +17,7 @@ import numpy as np
 from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.formulations.primal import primal_alone, primal_of, primal_part
+from cpbench.foundation import extensions
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem, write_problem
@@ -107,7 +108,14 @@ def load_answer(path: str | Path, problem: Problem, *, primal: bool = False) -> 
     try:
         if file.suffix.lower() == ".npz":
             arrays = read_npz(file)
+            named = extensions.hook("own_answer")(problem, {name: np.ravel(array) for name, array in arrays.items()})
+            if named is not None:
+                problem.check_point(named)
+                return named
             sizes = problem.point_sizes
+            if len(arrays) > 1 and (extra := sorted(arrays.keys() - sizes.keys())):
+                cause = f"is no part of an answer to {problem.node}: {', '.join(sizes)}"
+                raise FormatError(file, ", ".join(extra), cause)
             if all(name in arrays for name, size in sizes.items() if size):
                 point = problem.point_type(**{name: arrays.get(name, np.zeros(0)) for name in sizes})
                 problem.check_point(point)

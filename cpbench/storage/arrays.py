@@ -8,7 +8,7 @@ import pickletools
 import re
 import warnings
 import zipfile
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import IO, Any
 
@@ -53,11 +53,14 @@ def read_array(path: str | Path) -> Any:
     return _read(Path(path))
 
 
-def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, NDArray[Any]]:
+def read_npz(
+    path: Path, optional: frozenset[str] = frozenset(), objects: Callable[[bytes], dict[str, Any] | None] | None = None
+) -> dict[str, NDArray[Any]]:
     """Read the arrays of an .npz by name; raises FormatError on anything that is not plain numbers or text.
 
     An entry of `optional` that holds a pickled None (NumPy's way to write an absent array) is left out: its
-    pickle is compared with that of None, opcode by opcode, and never run.
+    pickle is compared with that of None, opcode by opcode, and never run. `objects` may read the parts NAME.part of an
+    entry off another pickle.
     """
     arrays: dict[str, NDArray[Any]] = {}
     with _archive(path) as archive:
@@ -67,8 +70,14 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
             if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
                 raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
             with archive.open(entry) as stream:
-                _npy_header(path, name, stream, entry.file_size)
-            array = read_npy(path, name, archive.read(entry), may_be_none=name in optional)
+                dtype = _npy_header(path, name, stream, entry.file_size)[2]
+                start = stream.tell()
+            data = archive.read(entry)
+            parts = objects(data[start:]) if objects and dtype.hasobject else None
+            if parts is not None:
+                arrays |= {f"{name}.{part}": array for part, array in parts.items()}
+                continue
+            array = read_npy(path, name, data, may_be_none=name in optional)
             if array is not None:
                 arrays[name] = array
     return arrays

@@ -22,7 +22,11 @@ logger = logging.getLogger("cpbench.storage")
 NATIVE = ".h5"
 """Suffix of the format that holds every problem."""
 _PACK = "; a matrix by itself is part of a problem: cpbench pack makes one"
-_HINTS = {**dict.fromkeys((".npy", ".npz", ".mtx", ".csv", ".txt"), _PACK), ".gz": "; unpack it first (gunzip)"}
+_HINTS = {
+    **dict.fromkeys((".npy", ".npz", ".mtx", ".csv", ".txt"), _PACK),
+    ".gz": "; unpack it first (gunzip)",
+    ".json": " (MathOptFormat: mof)",
+}
 """What to do with files that are no problem, by suffix."""
 
 

@@ -1,5 +1,5 @@
-"""Problems as named arrays in .npz and MATLAB's .mat, in all forms of `array_forms`, and the .npz of qpsolvers, which
-is written too.
+"""Problems as named arrays in .npz, MATLAB's .mat and JSON, in all forms of `array_forms`, and the .npz of qpsolvers,
+which is written too.
 
 Each container first gives the names and shapes of its arrays, so that a file that does not fit is refused before its
 numbers are read.
@@ -8,6 +8,7 @@ numbers are read.
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,13 +17,15 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import FormatError
+from cpbench.formulations import QP
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.storage.arrays import first_line, npz_shapes, read_npz
-from cpbench.storage.base import Format, formats, no_member, read_head
+from cpbench.storage.base import Format, formats, no_member, read_head, read_text
 from cpbench_problems.formats import array_forms, array_problems
 from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import Shape, joined, joined_shapes, require_shapes, shapes_of
+from cpbench_problems.formats.pickled_sparse import sparse_parts
 from cpbench_problems.formats.trial import require_survivor
 
 _LARGEST_DENSE = 50_000_000
@@ -33,7 +36,7 @@ _SECONDS = 20.0
 class ArrayFile(Format):
     """Named arrays in a file; `form` is the one that they must have, None for that of their names."""
 
-    suffixes = (".npz", ".mat")
+    suffixes = (".npz", ".mat", ".json")
     form: ClassVar[ArrayForm | None] = None
 
     def recognises(self, path: Path, head: bytes) -> bool:
@@ -44,7 +47,7 @@ class ArrayFile(Format):
         entries = _headers(path)
         form, _ = array_problems.choose(path, entries, self.form)
         require_shapes(path, form, entries)  # before the numbers are read
-        values = _values(path, form.known())
+        values = array_values(path, form.known())
         return array_problems.build_problem(path, values, *array_problems.choose(path, shapes_of(values), self.form))
 
 
@@ -52,17 +55,20 @@ class Arrays(ArrayFile):
     """The form is chosen by the set of names."""
 
     name = "arrays"
-    summary = "named arrays in .npz or .mat: of cpbench's formulations or a package"
+    summary = "named arrays in .npz, .mat or .json: of cpbench's formulations or a package"
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        return head.startswith(b"PK") if path.suffix.lower() == ".npz" else path.suffix.lower() == ".mat"
+        suffix = path.suffix.lower()
+        if suffix == ".npz":
+            return head.startswith(b"PK")
+        return suffix == ".mat" or (suffix == ".json" and not path.name.lower().endswith(".mof.json"))
 
     def in_folder(self, path: Path, head: bytes) -> bool:
-        """Return whether to list the file; a .npz without all that some form needs is a matrix, or an answer."""
-        if path.suffix.lower() != ".npz" or not self.recognises(path, head):
+        """Return whether to list the file; one without all that some form needs is a matrix, an answer or a text."""
+        if path.suffix.lower() == ".mat" or not self.recognises(path, head):
             return self.recognises(path, head)
         try:
-            return array_forms.has_needs(npz_shapes(path))
+            return array_forms.has_needs(_headers(path))
         except FormatError:
             return False
 
@@ -97,18 +103,12 @@ class QPNpz(ArrayFile):
         return stream.getvalue()
 
 
-class LeastSquaresArrays(ArrayFile):
-    """A, b, and bounds lb, ub where there are any."""
-
-    name = "least-squares"
-    summary = "least squares min ½‖Ax − b‖² as arrays A, b, lb, ub: to be named, for a system Ax = b has the same names"
-    form = array_forms.LEAST_SQUARES
-
-
 def _headers(path: Path) -> dict[str, Shape | None]:
     """Return the names of the arrays of a file, with shapes, None for sparse ones; raises FormatError."""
     if path.suffix.lower() == ".npz":
         return joined_shapes(npz_shapes(path))
+    if path.suffix.lower() == ".json":
+        return {**shapes_of(_json_arrays(path))}
 
     import scipy.io  # a tenth of a second that other formats need not wait for
 
@@ -121,10 +121,12 @@ def _headers(path: Path) -> dict[str, Shape | None]:
     return _mat_shapes(path)
 
 
-def _values(path: Path, optional: Collection[str]) -> dict[str, Any]:
+def array_values(path: Path, optional: Collection[str] = ()) -> dict[str, Any]:
     """Read all arrays of a file; raises FormatError. `optional` ones that are None are left out."""
     if path.suffix.lower() == ".npz":
-        return joined(path, read_npz(path, optional=frozenset(optional)))
+        return joined(path, read_npz(path, frozenset(optional), sparse_parts))
+    if path.suffix.lower() == ".json":
+        return _json_arrays(path)
     import scipy.io
 
     result: dict[str, Any] = {}
@@ -138,6 +140,24 @@ def _values(path: Path, optional: Collection[str]) -> dict[str, Any]:
             result |= _struct(path, name, value)
         else:
             result[name] = value
+    return result
+
+
+def _json_arrays(path: Path) -> dict[str, Any]:
+    """Return the lists of numbers of a JSON object by name, without those that are null; raises FormatError."""
+    try:
+        values = json.loads(read_text(path))
+    except (ValueError, RecursionError) as cause:
+        raise FormatError(path, "", f"is not readable JSON ({first_line(cause)})") from None
+    if not isinstance(values, dict):
+        raise FormatError(path, "", f"holds a {type(values).__name__}, expected an object of named arrays")
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        try:
+            if value is not None:
+                result[name] = np.array(value, dtype=np.float64)
+        except (ValueError, TypeError, OverflowError):
+            raise FormatError(path, name, "is no number and no list of numbers") from None
     return result
 
 
@@ -181,5 +201,13 @@ def _require_indices(path: Path, key: str, value: Any) -> None:
         raise FormatError(path, key, f"is a damaged sparse matrix ({cause})") from None
 
 
-for _format in (Arrays(), QPNpz(), LeastSquaresArrays()):
+def _named(form: ArrayForm) -> ArrayFile:
+    """Return the format of one form, for files whose names fit several."""
+    meaning = form.meaning.text if form.meaning else ", ".join(form.arrays)
+    members = {"name": array_forms.format_name(form), "summary": f"arrays of {form.name}: {meaning}", "form": form}
+    return type(f"{form.name}Arrays", (ArrayFile,), members)()
+
+
+_FORMS = [*array_forms.FOREIGN[1:], array_forms.own(QP), array_forms.LEAST_SQUARES, array_forms.GAME]
+for _format in (Arrays(), QPNpz(), *map(_named, _FORMS)):
     formats.add(_format.name, _format)

@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations import AVI, LCP, QP, ConeQP, FrictionContact
+from cpbench.formulations import AVI, LCP, QP, FrictionContact
 from cpbench.formulations.base import Info, Problem, formulations
-from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
-from cpbench.foundation import matrices, text
-from cpbench.foundation.cones import Cone, ProductCone
+from cpbench.foundation import matrices
 from cpbench.storage.arrays import SPARSE, sparse_from_parts
-from cpbench.storage.base import OFFSET, build, stem
-from cpbench_problems.applications import boxed_problem, game_problem, least_squares_problem
+from cpbench.storage.base import build, stem
+from cpbench_problems.applications import boxed_problem, game_problem
 from cpbench_problems.formats import array_forms, engine_arrays
 from cpbench_problems.formats.array_forms import ArrayForm
+from cpbench_problems.formats.file_rows import remember
 from cpbench_problems.formats.named_arrays import (
     NamedArrays,
     Shape,
@@ -32,7 +30,8 @@ from cpbench_problems.formats.named_arrays import (
     require_whole,
     shapes_of,
 )
-from cpbench_problems.formats.two_sided import INFINITE, infinite, rows_and_bounds
+from cpbench_problems.formats.program_arrays import Made, make_program
+from cpbench_problems.formats.two_sided import infinite, uncrossed
 
 FORM = "form"
 """Property of a problem that says in which form its arrays were."""
@@ -53,9 +52,7 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: ArrayForm | Non
     form = fits[0] if fits else array_forms.nearest(shapes)
     there = [name for name in form.known() if name in shapes]
     dropped = absent(form, shapes)
-    squares = array_forms.LEAST_SQUARES
-    if only is None and squares.needs <= shapes.keys() <= {*squares.arrays, "format"}:
-        raise FormatError(path, "", "holds a matrix A and b alone: --format least-squares makes min ½‖Ax − b‖² of them")
+    _require_one_reading(path, fits, shapes.keys() - dropped, only)
     if (wrong := array_forms.refusal(form, shapes.keys() - dropped)) is not None:
         raise FormatError(path, *wrong)
     text = f"{form.name} ({', '.join(name for name in there if name in form.arrays)})"
@@ -67,21 +64,37 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: ArrayForm | Non
     return form, text
 
 
+def _require_one_reading(path: Path, fits: list[ArrayForm], names: set[str], only: ArrayForm | None) -> None:
+    """Raise FormatError where arrays of these names mean one thing or another."""
+    squares, game = array_forms.LEAST_SQUARES, array_forms.GAME
+    if only is not None:
+        return
+    if frozenset(names) == game.needs:
+        raise FormatError(path, "", "holds matrices A and B alone: --format game makes a bimatrix game of them")
+    if squares.needs <= names <= set(squares.arrays) and not any(d.needs <= names for d in fits):
+        raise FormatError(path, "", "holds a matrix A and b alone: --format least-squares makes min ½‖Ax − b‖² of them")
+    both = [*fits, squares] if squares.needs <= names <= set(squares.arrays) else fits
+    if why := array_forms.ambiguity(both, names):
+        raise FormatError(path, "", why)
+
+
 def build_problem(path: Path, values: Mapping[str, Any], form: ArrayForm, text: str, name: str = "") -> Problem:
     """Return the problem that arrays make in a form, with the `text` of `choose`; raises FormatError with the array
     that does not fit."""
     dropped = absent(form, shapes_of(values))
     arrays = NamedArrays(path, {name: value for name, value in values.items() if name not in dropped})
     require_shapes(path, form, shapes_of(arrays.values))
-    make = _MAKERS.get(form.name, _own)
-    cls, parts, properties = make(arrays, form)
+    rows = None
+    if form.meaning is not None and not form.own:
+        (cls, parts, properties), rows = make_program(arrays, form.name, form.meaning)
+    else:
+        cls, parts, properties = _MAKERS.get(form.name, _own)(arrays, form)
     known: Info = parts.pop("info", Info())
     info = dataclasses.replace(known, properties={**known.properties, **properties, FORM: text})
-    return build(path, cls, "", name=name or stem(path), info=info, **parts)
-
-
-Made = tuple[type[Problem], dict[str, Any], Mapping[str, Any]]
-"""A formulation, its data, and properties to remember."""
+    problem = build(path, cls, "", name=name or stem(path), info=info, **parts)
+    if rows is not None:
+        remember(problem, rows)
+    return problem
 
 
 def _own(arrays: NamedArrays, form: ArrayForm) -> Made:
@@ -99,7 +112,7 @@ def _own(arrays: NamedArrays, form: ArrayForm) -> Made:
             parts[name] = arrays.vector(name) if symbols else int(arrays.number(name, 0))
     if issubclass(cls, ContactProblem) and "dimension" not in parts and len(parts["mu"]):
         parts["dimension"] = _dimension(arrays, form, cls, parts)
-    return cls, _whole_qp(parts) if cls is QP else parts, notes
+    return cls, uncrossed(_whole_qp(parts)) if cls is QP else parts, notes
 
 
 def _dimension(arrays: NamedArrays, form: ArrayForm, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
@@ -126,75 +139,12 @@ def _whole_qp(parts: dict[str, Any]) -> dict[str, Any]:
     return {**absent, "lb": np.full(n, -np.inf), "ub": np.full(n, np.inf), **parts}
 
 
-def _below(arrays: NamedArrays, form: ArrayForm) -> Made:
-    """Rows below a side and rows of an equation: qpsolvers, quadprog, cvxopt."""
-    Q, p, G, h, C, d = list(form.arrays)[:6]
-    vector = arrays.vector(p)
-    n = vector.size
-    side = infinite(arrays.vector(h))
-    kept = side != np.inf
-    parts = {
-        "Q": arrays.symmetric(Q),
-        "p": vector,
-        "A": -arrays.matrix(G, n)[kept],
-        "b": -side[kept],
-        "C": arrays.matrix(C, n),
-        "d": arrays.vector(d),
-        "lb": infinite(arrays.vector("lb", n, -np.inf)),
-        "ub": infinite(arrays.vector("ub", n, np.inf)),
-    }
-    return QP, parts, _left_out(side.size - int(kept.sum()))
-
-
-def _left_out(count: int) -> dict[str, Any]:
-    """Return the property that says how many rows are left out, where there are some."""
-    return {"left_out": f"{text.counted(count, 'row')} without a side (none, or beyond {INFINITE:g})"} if count else {}
-
-
-def _cvxopt(arrays: NamedArrays, form: ArrayForm) -> Made:
-    """Cones of orthants and of second order make a conic program, whose equations are rows of {0}."""
-    if "dims.s" in arrays and arrays.vector("dims.s").any():
-        raise arrays.error("dims.s", "is a cone of positive semidefinite matrices, which no formulation has")
-    sizes = arrays.vector("dims.q")
-    rows = arrays.vector("h").size
-    half = arrays.number("dims.l", rows - float(sizes.sum()))
-    if half < 0 or half != int(half) or half + sizes.sum() != rows:
-        raise arrays.error("dims.l", f"is {half:g}, with {sizes.sum():g} rows in dims.q, expected {rows} as h has")
-    if not sizes.size:
-        return _below(arrays, form)
-    n = arrays.vector("q").size
-    A, b = matrices.sparse(arrays.matrix("A", n)), arrays.vector("b")
-    G = matrices.sparse(arrays.matrix("G", n))
-    factors = ((Cone.ZERO, 1, b.size), (Cone.NONNEGATIVE, 1, half), *((Cone.SECOND_ORDER, 1, k, 1.0) for k in sizes))
-    parts = {
-        "Q": matrices.sparse(matrices.matrix(arrays.symmetric("P"), "P")),
-        "p": arrays.vector("q"),
-        "A": sp.csr_array(sp.vstack([A, -G])),
-        "b": np.concatenate([-b, arrays.vector("h")]),
-    }
-    return ConeQP, {**parts, **cone_fields(ProductCone.of(*(f for f in factors if f[2])))}, {}
-
-
-def _osqp(arrays: NamedArrays, form: ArrayForm) -> Made:
-    """Rows between two sides; the constant r changes no solution and is remembered."""
-    A = sp.csr_array(arrays.matrix("A"))
-    for name, size in (("n", A.shape[1]), ("m", A.shape[0])):
-        if arrays.number(name, size) != size:
-            raise arrays.error(name, f"is {arrays.number(name, size):g}, expected {size} as A has")
-    lower, upper = arrays.vector("l"), arrays.vector("u")
-    rows = rows_and_bounds(arrays.path, matrices.sparse(A), lower, upper)
-    offset = arrays.number("r", 0.0)
-    sideless = np.isinf(infinite(lower)) & np.isinf(infinite(upper))
-    properties = ({OFFSET: offset} if offset else {}) | _left_out(int(sideless.sum()))
-    return QP, {"Q": sp.csr_array(arrays.symmetric("P")), "p": arrays.vector("q"), **rows}, properties
-
-
 def _box(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Bounds alone, and a Hessian by rows."""
     parts = {key: arrays.values[key] for key in ("data", "indices", "indptr", "shape")}
     Q = require_whole(arrays.path, "data", sparse_from_parts(arrays.path, "", counted(parts)))
     bounds = {"lb": infinite(arrays.vector("l")), "ub": infinite(arrays.vector("u"))}
-    return QP, _whole_qp({"Q": Q, "p": arrays.vector("q"), **bounds}), {}
+    return QP, uncrossed(_whole_qp({"Q": Q, "p": arrays.vector("q"), **bounds})), {}
 
 
 def _contactbench(arrays: NamedArrays, form: ArrayForm) -> Made:
@@ -220,16 +170,6 @@ def _boxed(arrays: NamedArrays, form: ArrayForm) -> Made:
     return AVI, {name: getattr(made, name) for name in ("M", "q", "lb", "ub", "info")}, {}
 
 
-def _least_squares(arrays: NamedArrays, form: ArrayForm) -> Made:
-    """Return the QP that `least_squares_problem` makes."""
-    lb, ub = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
-    try:
-        made = least_squares_problem(arrays.matrix("A"), arrays.vector("b"), lb, ub)
-    except ProblemError as cause:
-        raise arrays.error(cause.field.rpartition(".")[2], cause.cause) from None
-    return QP, {**made.data(), "info": made.info}, {}
-
-
 def _game(arrays: NamedArrays, form: ArrayForm) -> Made:
     """Return the LCP that `applications.game` makes."""
     try:
@@ -240,15 +180,10 @@ def _game(arrays: NamedArrays, form: ArrayForm) -> Made:
 
 
 _MAKERS: Mapping[str, Callable[[NamedArrays, ArrayForm], Made]] = {
-    array_forms.QPSOLVERS.name: _below,
-    array_forms.QUADPROG.name: _below,
-    array_forms.CVXOPT.name: _cvxopt,
-    array_forms.OSQP.name: _osqp,
-    array_forms.BOX.name: _box,
-    array_forms.CONTACTBENCH.name: _contactbench,
-    array_forms.BOXED.name: _boxed,
-    array_forms.LEAST_SQUARES.name: _least_squares,
-    array_forms.GAME.name: _game,
+    "box QP": _box,
+    "ContactBench": _contactbench,
+    "boxed LCP": _boxed,
+    "game": _game,
     array_forms.ENGINE.name: engine_arrays.engine_step,
     array_forms.DELASSUS.name: engine_arrays.delassus,
 }

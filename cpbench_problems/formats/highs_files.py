@@ -143,7 +143,11 @@ def _problem(path: Path, name: str, model: dict[str, Any]) -> Problem:
     sides, bounds = ((model[f"{part}.lower"], model[f"{part}.upper"]) for part in ("rows", "columns"))
     lower, upper = map(two_sided.infinite, sides)
     lb, ub = map(two_sided.infinite, bounds)
-    two_sided.require_order(path, lower, upper, "A")
+    if (doubtful := np.flatnonzero((lb == 0.0) & (ub < 0.0))).size:
+        j = doubtful[0]
+        cause = f"has the bounds 0 and {ub[j]:g}: an upper bound below 0 alone means no lower one to some readers"
+        raise FormatError(path, printable(model["names"][j][:60]), f"{cause}; write LO or MI, too")
+    two_sided.require_sides(path, lower, upper, "A")
     sign, sense = (-1.0, {SENSE: "max"}) if model["maximize"] else (1.0, {})
     properties = ({OFFSET: sign * model["offset"]} if model["offset"] else {}) | sense | {UNKNOWNS: model["names"]}
     return build(
@@ -154,9 +158,7 @@ def _problem(path: Path, name: str, model: dict[str, Any]) -> Problem:
         info=Info(properties=properties),
         Q=sign * sp.csr_array(L + sp.tril(L, -1).T),
         p=sign * model["cost"],
-        lb=lb,
-        ub=ub,
-        **two_sided.rows(A, lower, upper),
+        **two_sided.uncrossed({"lb": lb, "ub": ub, **two_sided.rows(A, lower, upper)}),
     )
 
 

@@ -68,17 +68,29 @@ class NamedArrays:
 
 
 def require_whole(path: Path, name: str, M: Any) -> Any:
-    """Return a matrix that has to be symmetric; raises FormatError where one triangle is empty, as OSQP, Clarabel and
-    SCS take it, and the other is not."""
-    if M.shape[0] == M.shape[1]:
+    """Return a matrix that has to be symmetric; raises FormatError where it is one triangle, as OSQP, Clarabel and SCS
+    take it, or two that differ."""
+    if M.shape[0] == M.shape[1] and not matrices.is_symmetric(M):
         entries = sp.coo_array(M)
         entries.eliminate_zeros()
         above, below = bool((entries.row < entries.col).any()), bool((entries.row > entries.col).any())
+        cause = f"the quadratic term has the sum of {name}[i, j] and {name}[j, i], a package may read one of them alone"
         if above != below:
-            empty = "lower" if above else "upper"
-            text = f"is not symmetric: the {empty} triangle is empty; store {name} + {name}.T - diag(diag({name}))"
-            raise FormatError(path, name, text)
+            cause = (
+                f"the {'lower' if above else 'upper'} triangle is empty; store {name} + {name}.T - diag(diag({name}))"
+            )
+        todo = f"cpbench pack {path.name} --symmetric part (or upper, or lower) -o NEW.h5"
+        raise FormatError(path, name, f"is not symmetric: {cause}: {todo}")
     return M
+
+
+def symmetrized(M: Any, how: str) -> Any:
+    """Return (M + Mᵀ)/2 for `part`, else the symmetric matrix of which M has the upper or the lower triangle."""
+    if how == "part":
+        return (M + M.T) / 2.0
+    half = sp.csr_array((sp.triu if how == "upper" else sp.tril)(sp.csr_array(M)))
+    whole = sp.csr_array(half + half.T - sp.diags_array(half.diagonal()))
+    return whole if matrices.is_sparse(M) else whole.toarray()
 
 
 def _held(value: Any) -> str:
@@ -89,7 +101,7 @@ def joined(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays with the parts of each sparse matrix put together; raises FormatError."""
     result = dict(values)
     for name in sparse_names(result):
-        parts = {part: result.pop(f"{name}.{part}") for part in SPARSE}
+        parts = {part: result.pop(f"{name}.{part}") for part in (*SPARSE, "format") if f"{name}.{part}" in result}
         result[name] = sparse_from_parts(path, f"{name}.", counted(parts))
     return result
 
@@ -108,8 +120,8 @@ def joined_shapes(shapes: Mapping[str, Shape]) -> dict[str, Shape | None]:
     """Return the shapes with the parts of each sparse matrix as one matrix, whose shape is not known."""
     result: dict[str, Shape | None] = dict(shapes)
     for name in sparse_names(shapes):
-        for part in SPARSE:
-            del result[f"{name}.{part}"]
+        for part in (*SPARSE, "format"):
+            result.pop(f"{name}.{part}", None)
         result[name] = None
     return result
 
@@ -181,7 +193,7 @@ def absent(form: ArrayForm, shapes: Mapping[str, Shape | None]) -> set[str]:
 
     return {
         name
-        for name in (shapes.keys() & set(form.known())) - form.needs
+        for name in (shapes.keys() & set(form.known())) - form.needs - form.any_of
         if all(empty(n) for n in {name, *(n for group in form.groups if name in group for n in group)} & shapes.keys())
     }
 

@@ -20,14 +20,28 @@ def infinite(x: Vector) -> Vector:
     return np.where(np.abs(x) >= INFINITE, np.copysign(np.inf, x), x)
 
 
-def require_order(path: Path, lower: Vector, upper: Vector, what: str) -> None:
-    """Raise FormatError on a pair of sides that nothing can satisfy."""
-    bad = np.flatnonzero(np.isnan(lower) | np.isnan(upper) | (lower > upper) | (lower == np.inf) | (upper == -np.inf))
+def require_sides(path: Path, lower: Vector, upper: Vector, what: str) -> None:
+    """Raise FormatError on a side that is no number, or an infinite one that nothing reaches."""
+    bad = np.flatnonzero(np.isnan(lower) | np.isnan(upper) | (lower == np.inf) | (upper == -np.inf))
     if bad.size:
         i = int(bad[0])
         raise FormatError(
-            path, f"row {i} of {what}", f"has the limits l = {lower[i]:g}, u = {upper[i]:g}, expected l <= u"
+            path, f"row {i} of {what}", f"has the limits l = {lower[i]:g}, u = {upper[i]:g}, expected l < inf, u > -inf"
         )
+
+
+def uncrossed(parts: dict[str, Any]) -> dict[str, Any]:
+    """Return the data of a quadratic program in which each upper bound that is below the lower one is a row: nothing
+    satisfies both, which is a problem without a solution and no damaged file."""
+    crossed = np.flatnonzero(parts["lb"] > parts["ub"])
+    if not crossed.size:
+        return parts
+    n = parts["lb"].size
+    rows = sp.csr_array((-np.ones(crossed.size), (np.arange(crossed.size), crossed)), shape=(crossed.size, n))
+    ub = parts["ub"].copy()
+    A = sp.csr_array(sp.vstack([sp.csr_array(parts["A"]), rows], format="csr"))
+    b, ub[crossed] = np.concatenate([parts["b"], -ub[crossed]]), np.inf
+    return {**parts, "A": A, "b": b, "ub": ub}
 
 
 def rows(A: sp.csr_array, lower: Vector, upper: Vector) -> dict[str, Any]:
@@ -42,22 +56,3 @@ def rows(A: sp.csr_array, lower: Vector, upper: Vector) -> dict[str, Any]:
         "C": A[equal],
         "d": lower[equal],
     }
-
-
-def rows_and_bounds(path: Path, A: sp.csr_array, lower: Vector, upper: Vector) -> dict[str, Any]:
-    """Return A, b, C, d, lb, ub of the rows lower ≤ Az ≤ upper; one variable with coefficient 1 makes a bound of it.
-
-    The files of Maros and Meszaros keep their bounds as such rows, the last ones. Raises FormatError on a row that
-    nothing can satisfy.
-    """
-    lower, upper = infinite(lower), infinite(upper)
-    require_order(path, lower, upper, "A")
-    n = A.shape[1]
-    lb, ub = np.full(n, -np.inf), np.full(n, np.inf)
-    single = np.flatnonzero(np.diff(A.indptr) == 1)
-    single = single[A.data[A.indptr[single]] == 1.0]
-    variable = A.indices[A.indptr[single]]
-    np.maximum.at(lb, variable, lower[single])
-    np.minimum.at(ub, variable, upper[single])
-    rest = np.setdiff1d(np.arange(A.shape[0]), single)
-    return {**rows(A[rest], lower[rest], upper[rest]), "lb": lb, "ub": ub}

@@ -207,7 +207,12 @@ REFUSED = {
     ),
     "semi-continuous": (".mps", "ENDATA", "BOUNDS\n SC B X 2\nENDATA", "semi-continuous: no formulation has them"),
     "bound twice": (".mps", "ENDATA", "BOUNDS\n UP B X 2\n FX B X 2\nENDATA", "duplicate lower bound"),
-    "doubtful bound": (".mps", "ENDATA", "BOUNDS\n UP B X -2\nENDATA", "lb: exceeds ub at 0"),
+    "doubtful bound": (
+        ".mps",
+        "ENDATA",
+        "BOUNDS\n UP B X -2\nENDATA",
+        "X: has the bounds 0 and -2: an upper bound below 0 alone",
+    ),
     "sets": (".mps", "ENDATA", "SOS\n S1 SOS A\nENDATA", "SOS not supported"),
     "quadratic constraint": (".mps", "ENDATA", "QCMATRIX LOW\n    X X 1\nENDATA", "Quadratic rows not supported"),
     "both triangles": (".mps", "ENDATA", "QUADOBJ\n    X Y 1\n    Y X 1\nENDATA", "both triangles: expected one"),

@@ -32,7 +32,7 @@ FORMS: dict[str, Arrays] = {
     "qpsolvers": {"P": P, "q": q, "G": G, "h": h, "A": A, "b": b, "lb": lb, "ub": ub},
     "OSQP": {"P": P, "q": q, "A": G, "l": -h, "u": h, "r": np.array([3.0])},
     "quadprog": {"H": P, "f": q, "A": G, "b": h, "Aeq": A, "beq": b, "lb": lb, "ub": ub},
-    "cvxopt": {"P": P, "q": q, "G": G, "h": h, "A": A, "b": b, "dims.l": np.array([1.0]), "dims.q": np.array([2.0])},
+    "CVXOPT": {"P": P, "q": q, "G": G, "h": h, "A": A, "b": b, "dims.l": np.array([1.0]), "dims.q": np.array([2.0])},
     "box QP": {"data": CSR.data, "indices": CSR.indices, "indptr": CSR.indptr, "shape": np.array([N, N]), "q": q,
                "l": lb, "u": ub},
     "ContactBench": {"G": W, "g": -np.ones(6), "mus": np.array([0.3, 0.5])},
@@ -92,7 +92,7 @@ TOO_FEW = {
     "OSQP without u": ("OSQP", "u", "u: is missing"),
     "quadprog without f": ("quadprog", "f", "f: is missing"),
     "quadprog without beq": ("quadprog", "beq", "beq: is missing beside Aeq"),
-    "cvxopt without G": ("cvxopt", "G", "G: is missing beside h"),
+    "CVXOPT without G": ("CVXOPT", "G", "G: is missing beside h"),
     "box QP without u": ("box QP", "u", "u: is missing"),
     "ContactBench without mus": ("ContactBench", "mus", "mus: is missing"),
     "boxed LCP without hi": ("boxed LCP", "hi", "hi: is missing"),
@@ -187,15 +187,15 @@ def test_forms_of_packages_are_the_program_that_they_say(tmp_path: Path) -> None
     }  # fmt: skip
     for name, arrays in same.items():
         assert storage.load(npz(tmp_path, arrays)).fingerprint == wanted.fingerprint, name
-    cone = storage.load(npz(tmp_path, FORMS["cvxopt"]))
+    cone = storage.load(npz(tmp_path, FORMS["CVXOPT"]))
     assert isinstance(cone, ConeQP)
     x = rng.standard_normal(N)
     assert np.array_equal(cone.A @ x + cone.b, np.r_[A @ x - b, h - G @ x])
     assert cone.cone_kind.tolist() == [Cone.ZERO, Cone.NONNEGATIVE, Cone.SECOND_ORDER]
     with pytest.raises(FormatError, match=r"dims\.s: is a cone of positive semidefinite matrices"):
-        storage.load(npz(tmp_path, FORMS["cvxopt"] | {"dims.s": np.array([2.0])}))
-    with pytest.raises(FormatError, match=r"dims\.l: is 2, with 2 rows in dims\.q, expected 3"):
-        storage.load(npz(tmp_path, FORMS["cvxopt"] | {"dims.l": np.array([2.0])}))
+        storage.load(npz(tmp_path, FORMS["CVXOPT"] | {"dims.s": np.array([2.0])}))
+    with pytest.raises(FormatError, match=r"dims\.l: is 2, with 2 rows in other cones, expected 3"):
+        storage.load(npz(tmp_path, FORMS["CVXOPT"] | {"dims.l": np.array([2.0])}))
 
 
 @pytest.mark.parametrize("form", ["quadprog", "OSQP"])

@@ -157,7 +157,7 @@ def test_named_parts(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="the answer's v has 3 numbers, expected 4"):
         storage.load_answer(tmp_path / "p.npz", problem)
     np.savez(tmp_path / "p.npz", v=np.ones(3), w=np.zeros(7))
-    with pytest.raises(FormatError, match="holds v, w: expected one array, or u, v"):
+    with pytest.raises(FormatError, match="w: is no part of an answer to mlcp: u, v"):
         storage.load_answer(tmp_path / "p.npz", problem)
 
 
