@@ -393,21 +393,24 @@ class AFCtoFC(Conversion):
     Source  u = Wr + q, elliptic cone {‖(r₁/μ₁, r₂/μ₂)‖ ≤ r_N}, associated slip.
     Target  S = diag(1, μ₁, μ₂) a contact:  W′ = SWS,  q′ = Sq,  μ′ = 1.
     Lift    r = Sr′ (and u = S⁻¹u′).        Push  r′ = S⁻¹r.
-    Kind    equivalent, for positive μ₁ and μ₂.
+    Kind    equivalent: where μ_i is 0, W′ and q′ have a row of 0, r_i is 0 and any r′_i in the cone will do.
 
-    Trace: `S` (a vector).
+    Trace: `S` and `divisor` (vectors).
     """
 
     def apply(self, problem: AnisotropicFrictionContact) -> tuple[FrictionContact, Trace]:
         S = problem.scaling
         W = matrices.scaled_both(problem.W, S)
-        return FrictionContact(W=W, q=S * problem.q, mu=np.ones(problem.nc), dimension=3), {"S": S}
+        return FrictionContact(W=W, q=S * problem.q, mu=np.ones(problem.nc), dimension=3), {
+            "S": S,
+            "divisor": problem.divisor,
+        }
 
     def lift(self, point: FCPoint, trace: Trace) -> FCPoint:
         return FCPoint(r=trace["S"] * point.r)
 
     def push(self, point: FCPoint, trace: Trace) -> FCPoint:
-        return FCPoint(r=point.r / trace["S"])
+        return FCPoint(r=point.r / trace["divisor"])
 
 
 PSEUDO_INVERSE_LIMIT = 2000

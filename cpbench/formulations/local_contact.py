@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.errors import ProblemError
 from cpbench.formulations.base import (
     Point,
     Residuals,
@@ -86,8 +85,9 @@ class RollingFrictionContact(LocalContact):
 class AnisotropicFrictionContact(LocalContact):
     """u = Wr + q, K = {‖(r₁/μ₁, r₂/μ₂)‖ ≤ r_N}, û = u + ‖(μ₁u₁, μ₂u₂)‖e_N, K* ∋ û ⟂ r ∈ K: associated slip.
 
-    `mu` has shape (nc, 2), positive. With S = diag(1, μ₁, μ₂) a contact and r = Sr′, u′ = Su, the law is
-    Coulomb's with μ = 1 in (r′, u′); answers are measured there, where the projection on the cone has a formula.
+    `mu` has shape (nc, 2). With S = diag(1, μ₁, μ₂) a contact and r = Sr′, u′ = Su, the law is Coulomb's with μ = 1 in
+    (r′, u′); answers are measured there, where the projection on the cone has a formula. Where a μ_i is 0, r_i is 0 and
+    may be no larger than rounding: it is divided by 1e-12 of the other coefficient.
     """
 
     node: ClassVar[str] = "afc"
@@ -105,15 +105,6 @@ class AnisotropicFrictionContact(LocalContact):
     q: Vector = vector_field("m")
     mu: Dense = matrix_field("nc", "2")
 
-    def check(self) -> None:
-        super().check()
-        if not (self.friction > 0).all():
-            i = int(np.argwhere(~(self.friction > 0))[0][0])
-            raise ProblemError(
-                "afc.mu",
-                f"is 0 at contact {i}: an elliptic cone needs two positive coefficients, fc takes one that is 0",
-            )
-
     @cached_property
     def friction(self) -> Dense:
         """`mu` as an array (nc, 2), however it is stored."""
@@ -129,13 +120,19 @@ class AnisotropicFrictionContact(LocalContact):
         return freeze(np.column_stack([np.ones(self.nc), self.friction]).ravel())
 
     @cached_property
+    def divisor(self) -> Vector:
+        """S where it is not 0, and what reactions are divided by where it is, shape (3nc,)."""
+        least = 1e-12 * np.maximum(self.friction.max(axis=1, initial=0.0), 1e-6)
+        return freeze(np.where(self.scaling > 0.0, self.scaling, np.repeat(least, 3)))
+
+    @cached_property
     def mobility(self) -> Dense:
         """Diagonal of SWS, shape (nc, 3)."""
         return freeze(np.einsum("cii->ci", self.diagonal_blocks) * self.scaling.reshape(-1, 3) ** 2)
 
     def measure(self, point: FCPoint, tolerance: float) -> Residuals:
-        S, u = self.scaling, self.W @ point.r + self.q
-        return Residuals(*self.contact_residuals(point.r / S, S * u, S * self.q, tolerance, absolute=not self.q.any()))
+        S, u, r = self.scaling, self.W @ point.r + self.q, point.r / self.divisor
+        return Residuals(*self.contact_residuals(r, S * u, S * self.q, tolerance, absolute=not self.q.any()))
 
 
 @dataclass(frozen=True, eq=False)

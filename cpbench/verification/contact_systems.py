@@ -13,7 +13,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
-from cpbench.foundation.matrices import Dense, Vector, dense
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.verification.contacts import ContactAnswer
 from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, ROWS, STACKED, Groups, kept
 from cpbench.verification.sets import inverse
@@ -143,7 +143,7 @@ def _balls(P: Any) -> tuple[tuple[slice, Vector], ...]:
 def _units(P: Any) -> Vector:
     """Return what divides reactions and multiplies velocities: lengths of moments, axes of an elliptic cone."""
     if P.node == "afc":
-        return np.column_stack([np.ones(P.nc), dense(P.mu)]).ravel()
+        return P.divisor
     return P.lengths.ravel()
 
 

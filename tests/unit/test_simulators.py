@@ -76,21 +76,57 @@ def test_a_sequence_in_two_calls_keeps_its_ids(tmp_path: Path) -> None:
     assert last.sequence.step == 2
 
 
-HINGE = """<body pos="1 0 1"><joint type="hinge" axis="0 1 0" range="10 20" limited="true"/>
-  <geom type="sphere" size="0.1" contype="0" conaffinity="0"/></body>"""
-
-
-def test_what_fc_has_not_is_refused_by_name() -> None:
-    with pytest.raises(ProblemError, match="condim 4 at contact 0"):
-        cpbench.from_mujoco(*mujoco_state(condim=4))
+def test_laws_are_those_of_the_state_or_left_out_by_name() -> None:
+    spun = cpbench.from_mujoco(*mujoco_state(condim=4))
+    assert (spun.node, spun.info.properties["left_out"]) == (
+        "fc",
+        "torsional friction of 4 contacts: [0, 1, 2, 3]",
+    )
+    rolling = cpbench.from_mujoco(*mujoco_state(condim=6, friction="0.6 0.005 0.001"))
+    assert (rolling.node, rolling.mu_r.tolist()) == ("rfc", [0.001] * 4)
+    assert cpbench.from_mujoco(*mujoco_state(condim=1)).mu.tolist() == [0.0] * 4
     model, data = mujoco_state()
-    data.contact.friction[0] = [0.6, 0.3, 0.0, 0.0, 0.0]
-    with pytest.raises(ProblemError, match=r"coefficients 0\.6 and 0\.3 at contact 0"):
+    data.contact.friction[0] = [0.6, 0.0, 0.0, 0.0, 0.0]
+    assert cpbench.from_mujoco(model, data).mu.tolist() == [[0.6, 0.0], *[[0.6, 0.6]] * 3]
+    model, data = mujoco_state(condim=6)
+    data.contact.friction[0] = [0.6, 0.3, 0.0, 0.1, 0.1]
+    with pytest.raises(ProblemError, match=r"coefficients 0\.6 and 0\.3 at contact 0 beside rolling"):
         cpbench.from_mujoco(model, data)
-    limited = mujoco_state(body=HINGE, more='<compiler angle="degree"/>')
-    with pytest.raises(ProblemError, match=r"has 1 row of equality constraints, limits .* contacts_alone=True"):
-        cpbench.from_mujoco(*limited)
-    assert cpbench.from_mujoco(*limited, contacts_alone=True).nc == 4
+
+
+ARM = """<body pos="1 0 1"><joint name="elbow" type="hinge" axis="0 1 0" {}/>
+  <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.01" mass="0.3" contype="0" conaffinity="0"/></body>"""
+
+
+@pytest.mark.needs("cpbench_solvers")
+@pytest.mark.parametrize("loss", [0.6, 0.1])
+@pytest.mark.parametrize("condim", [3, 6])
+def test_friction_of_a_joint_holds_an_arm_or_brakes_it(loss: float, condim: int) -> None:
+    """The weight's moment is m g L/2 = 0.2943 N m."""
+    model, data = mujoco_state(body=ARM.format(f'frictionloss="{loss}"'), condim=condim)
+    problem = cpbench.from_mujoco(model, data)
+    assert problem.info.properties["joints"] == "contact 4: friction of joint elbow"
+    r = cpbench.solve(problem, tolerance=1e-10).point.r.reshape(5, -1)[4]
+    assert r[0] == pytest.approx(loss * DT)
+    assert abs(r[1]) == pytest.approx(min(0.3 * GRAVITY * 0.1, loss) * DT, rel=1e-6)
+    assert r[2:] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.needs("cpbench_solvers")
+def test_a_limit_carries_what_falls_on_it() -> None:
+    problem = cpbench.from_mujoco(*mujoco_state(body=ARM.format('limited="true" range="-60 0" margin="0.01"')))
+    assert problem.info.properties["joints"] == "contact 4: limit of joint elbow"
+    assert problem.mu.tolist() == [MU] * 4 + [0.0]
+    assert cpbench.solve(problem, tolerance=1e-10).point.r[12:] == pytest.approx(
+        [0.3 * GRAVITY * 0.1 * DT, 0, 0], rel=1e-5
+    )
+
+
+def test_equality_constraints_are_refused() -> None:
+    tied = mujoco_state(body=ARM.format(""), more='<equality><joint joint1="elbow"/></equality>')
+    with pytest.raises(ProblemError, match=r"has 1 row of equality constraints .* contacts_alone=True"):
+        cpbench.from_mujoco(*tied)
+    assert cpbench.from_mujoco(*tied, contacts_alone=True).nc == 4
 
 
 def pinocchio_state(height: float) -> Any:
@@ -137,3 +173,15 @@ def test_sizes_of_pinocchio_are_checked() -> None:
     model, data, geometry, found, q = pinocchio_state(0.0999)
     with pytest.raises(ProblemError, match=r"pinocchio\.v: has shape \(5,\), expected \(6,\)"):
         cpbench.from_pinocchio(model, data, geometry, found, q, np.zeros(5), mu=MU, dt=DT)
+
+
+@pytest.mark.needs("cpbench_solvers")
+def test_a_wheel_that_rolls_freely_one_way_is_held_the_other() -> None:
+    """A block on a plane of 20°, free along x and held along y, slides along x; friction along x is no answer."""
+    fall = GRAVITY * DT * np.sin(np.deg2rad(20)) * np.array([np.cos(0.5), np.sin(0.5)])
+    q = np.array([-GRAVITY * DT * np.cos(np.deg2rad(20)), *fall])
+    problem = cpbench.formulations.AnisotropicFrictionContact(W=np.eye(3) / MASS, q=q, mu=np.array([[0.0, 0.8]]))
+    r = cpbench.solve(problem, tolerance=1e-10).point.r
+    assert r == pytest.approx([-MASS * q[0], 0.0, -MASS * fall[1]])
+    assert r[1] == 0.0
+    assert cpbench.verify(problem, r + [0.0, -1e-9, 0.0]).error > 1e-3
