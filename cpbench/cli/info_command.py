@@ -54,7 +54,7 @@ def command(files: tuple[str, ...], measure: bool, data: bool, file_format: str 
     problem that cannot be read does not stop the others. For a results file the command
     shows which solver to use, as at the end of the run.
 
-    Every fact has its method: exact, by a factorization, by a randomized estimate, or not decided.
+    Every fact has its method: exact, by a factorization, or not decided.
     """
     if any(map(is_results_file, files)):
         first, *others = files

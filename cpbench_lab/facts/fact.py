@@ -14,8 +14,6 @@ class How(StrEnum):
     """By its definition, or by a witness that anyone can check; rounding of single operations apart."""
     FACTORIZATION = "factorization"
     """By eigenvalues, singular values or pivots, whose rounding error the tolerance covers."""
-    ESTIMATE = "randomized estimate"
-    """By a few products with random vectors: likely, not certain."""
     UNDECIDED = "not decided"
     """The test would cost too much, or rounding decides; `evidence` says which."""
 

@@ -1,8 +1,7 @@
 """Symmetry, definiteness and rank, by what the size allows.
 
 Small matrices have their eigenvalues or singular values computed. Large ones are factored when their bandwidth promises
-that it is cheap, as that of separate bodies does; otherwise a bounded number of products with the matrix gives an
-estimate.
+that it is cheap, as that of separate bodies does; of others nothing is said.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ CHOLESKY_LIMIT = 4000
 SPARSE_WORK = 2e10
 """Bound on n·bandwidth² of a sparse matrix that is factored."""
 PRODUCT_WORK = 1e9
-"""Bound on the entries that the products of an estimate touch."""
+"""Bound on the multiplications of a Gram matrix."""
 EPS = float(np.finfo(float).eps)
 SCALED = "after scaling to unit diagonal"
 
@@ -87,16 +86,8 @@ def definiteness(M: Matrix, name: str) -> Fact:
         word = (
             "indefinite" if diagonal.max() > 0 or _positive_factor(-S, tolerance) is None else "negative semidefinite"
         )
-        return Fact(label, name, word, How.FACTORIZATION, _lanczos(S), tolerance, f"least eigenvalue {SCALED} at most")
-    least = _lanczos(S)
-    if least is None:
-        return undecided(label, name, f"n = {n} with {matrices.nnz(S)} nonzeros is too large to factor or to sample")
-    if least < -tolerance:
-        word = "indefinite" if diagonal.max() > 0 else "not positive semidefinite"
-        return Fact(label, name, word, How.EXACT, least, tolerance, f"a vector has, {SCALED}, Rayleigh quotient")
-    return Fact(
-        label, name, "positive semidefinite", How.ESTIMATE, least, tolerance, f"least Rayleigh quotient met, {SCALED},"
-    )
+        return Fact(label, name, word, How.FACTORIZATION, None, tolerance, f"a pivot {SCALED} is negative")
+    return undecided(label, name, f"n = {n} with {matrices.nnz(S)} nonzeros is too large to factor")
 
 
 def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
@@ -116,12 +107,6 @@ def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
         return Fact(
             label, name, int(kept.size), How.FACTORIZATION, float(kept.min()), tolerance, "least singular value kept"
         )
-    if full <= EIGEN_LIMIT and matrices.nnz(M) * full <= 10 * PRODUCT_WORK:
-        tall: Any = M if rows >= cols else matrices.transpose(M)
-        rng = np.random.default_rng(0)
-        sketched = np.asarray(tall.T @ rng.standard_normal((tall.shape[0], full + 10)))
-        rank = int(np.linalg.matrix_rank(sketched))
-        return Fact(label, name, rank, How.ESTIMATE, evidence=f"rank of its product with {full + 10} random vectors")
     gram = _gram(M, known)
     if gram is not None:
         G, what, relative = gram
@@ -185,30 +170,6 @@ def _inverse_iteration(S: Matrix, solve: Callable[[Vector], Vector]) -> float:
             break
         x = y
     return float(x @ (S @ x)) / float(x @ x)
-
-
-def _lanczos(S: Matrix) -> float | None:
-    """Return the least Ritz value of as many Lanczos steps as the bounds allow, a bound from above; None for fewer
-    than 10.
-    """
-    n = S.shape[0]
-    steps = int(min(100, n, PRODUCT_WORK / max(matrices.nnz(S), 1), 3e7 / n))
-    if steps < min(10, n):
-        return None
-    V = np.zeros((steps, n))
-    x = np.random.default_rng(0).standard_normal(n)
-    done = 0
-    for k in range(steps):
-        x -= V[:k].T @ (V[:k] @ x)
-        x -= V[:k].T @ (V[:k] @ x)  # twice is enough
-        length = float(np.linalg.norm(x))
-        if length < 1e-12 * max(matrices.max_abs(S), 1e-300) and k:
-            break
-        V[k] = x / length
-        x = np.asarray(S @ V[k])
-        done = k + 1
-    V = V[:done]
-    return float(np.linalg.eigvalsh(V @ np.asarray(S @ V.T))[0])
 
 
 def _gram(M: Matrix, known: Fact | None) -> tuple[Any, str, float] | None:

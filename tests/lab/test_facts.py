@@ -160,26 +160,18 @@ def test_large_ranks_and_definiteness_of_planted_matrices(n: int, rows: int | No
     indefinite = sp.csr_array(W - 0.5 * sp.eye_array(W.shape[0]))
     word = facts.definiteness(indefinite, "W")
     assert word.value == "indefinite"
-    assert word.number == pytest.approx(-0.5, abs=0.2)
 
 
 @pytest.mark.nightly
-def test_beyond_every_limit_a_fact_is_an_estimate_or_not_decided() -> None:
+def test_beyond_every_limit_a_fact_is_not_decided() -> None:
     rng = np.random.default_rng(5)
     n = 30000
     J = sp.random_array((n, n), density=4 / n, rng=rng, format="csr")
     W = sp.csr_array(J @ J.T)  # no component, no band
     word = facts.definiteness(W, "W")
-    assert (word.value, word.how) == ("positive semidefinite", How.ESTIMATE)
-    found = facts.rank(W, "W", known=word)
-    assert found.value is None
-    assert found.how is How.UNDECIDED
-    bent = facts.definiteness(sp.csr_array(W - 0.5 * sp.eye_array(n)), "W")
-    assert bent.value == "indefinite"
-    assert bent.how is How.EXACT  # a vector proves it
-    thin = sp.csr_array(sp.random_array((n, 300), density=0.01, rng=rng))
-    thin = sp.csr_array(thin @ sp.csr_array(rng.standard_normal((300, 20)) @ rng.standard_normal((20, 300))))
-    assert facts.rank(thin, "H").value == 20
+    for found in (word, facts.rank(W, "W", known=word)):
+        assert found.value is None
+        assert found.how is How.UNDECIDED
 
 
 def test_facts_of_problems() -> None:
