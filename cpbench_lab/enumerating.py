@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from cpbench import graph, storage
 from cpbench.api.problems import verify
 from cpbench.errors import CpbenchError, FormatError, NoRoute
 from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.foundation import matrices
 from cpbench.foundation.extensions import hook
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.text import counted
@@ -23,6 +26,8 @@ from cpbench_lab.certifying import require_flint
 NODES = ("lcp", "mlcp")
 """Formulations of which all complementary bases are looked at."""
 SUFFIXES = (".npy", ".csv", ".txt")
+DIGITS = 12
+"""Digits to which equilibria are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +39,15 @@ class EverySolution:
     problem : the problem. points : its solutions, rounded to the nearest doubles; of a continuum (`endless`) those that
         are the only one of some complementary basis, as its ends are.
     route : the conversions to the problem whose bases were looked at.
-    endless : whether they fill a continuum.
+    endless : whether they fill a continuum. components : of a game the points that are corners of one set of
+    equilibria, by number from 0.
     """
 
     problem: Problem
     points: tuple[Point, ...]
     route: str = "direct"
     endless: bool = False
+    components: tuple[tuple[int, ...], ...] = ()
 
     @property
     def count(self) -> float:
@@ -65,7 +72,7 @@ class EverySolution:
     def lines(self) -> Iterator[str]:
         """Yield how many solutions there are, and each with the error that is measured of it."""
         if self.endless:
-            yield f"a continuum of solutions, of which {len(self.points)} are the only one of a complementary basis"
+            yield f"a continuum of solutions, of which {counted(len(self.points), 'corner')} are listed"
         elif self.points:
             yield f"{counted(len(self.points), 'solution')}, all there are"
         else:
@@ -77,6 +84,9 @@ class EverySolution:
                 if values.size
             )
             yield f"  {number}: {'; '.join(parts)}   error {verify(self.problem, point).error:.2g}"
+        for corners in self.components:
+            if len(corners) > 1:
+                yield f"  one connected set of equilibria has the corners {', '.join(str(k + 1) for k in corners)}"
 
     def save(self, path: Path, *, force: bool = False) -> None:
         """Write a row of its `own` unknowns for each solution (.npy, .csv, .txt); raises FormatError on another suffix,
@@ -119,7 +129,8 @@ def require_rows(path: Path) -> None:
 def every_solution(problem: Problem) -> EverySolution:
     """Return all solutions of a problem that is a small LCP or MLCP, or equivalent to one.
 
-    Every complementary basis is looked at, in exact arithmetic: about 12 pairs at most.
+    Every complementary basis is looked at, in exact arithmetic: about 12 pairs at most. Of a bimatrix game it is the
+    vertices of the two best-response polytopes.
 
     Raises CpbenchError where it is another problem, too large or takes too long, and without python-flint.
 
@@ -128,6 +139,8 @@ def every_solution(problem: Problem) -> EverySolution:
     >>> found.x.tolist()
     [[3.0, 0.0], [0.0, 3.0], [1.0, 1.0]]
     """
+    if (game := hook("game_sizes")(problem)) is not None:
+        return _every_equilibrium(problem, *game)
     require_flint()
     from cpbench_lab.certificates.all_solutions import all_solutions, basic_solutions
     from cpbench_lab.certificates.exact_rows import nearest
@@ -148,6 +161,35 @@ def every_solution(problem: Problem) -> EverySolution:
         lifted = graph.lift(converted, point, steps)
         points.setdefault(b"".join((values + 0.0).tobytes() for values in lifted.arrays().values()), lifted)
     return EverySolution(problem, tuple(points.values()), route, endless)
+
+
+def _every_equilibrium(problem: Any, m: int, n: int) -> EverySolution:
+    """Return the extreme equilibria of a game of m rows and n columns; there are no others where none has a choice or
+    an opponent's choice in common with another. Raises CpbenchError."""
+    from cpbench_lab.certificates.equilibria import equilibria
+
+    M = matrices.dense(problem.M)
+    A, B = M[:m, m:], M[m:, :m].T
+    pairs = equilibria(A, B)
+    if pairs is None:
+        raise CpbenchError(f"game of {m} x {n}: too large to look at all vertices of its best-response polytopes")
+    # two that are the same to rounding are one in payoffs that are not rounded
+    different = {tuple(tuple(round(float(value), DIGITS) for value in part) for part in pair): pair for pair in pairs}
+    points: list[Any] = []
+    for pair in different.values():
+        x, y = (np.array([float(value) for value in part]) for part in pair)
+        points.append(problem.point_type(z=np.concatenate([x / (x @ B @ y), y / (x @ A @ y)])))  # with costs of 1
+    ends = (
+        [np.unique([pair[k] for pair in different], axis=0, return_inverse=True)[1] for k in (0, 1)] if points else []
+    )
+    joined = sp.csr_array((np.ones(len(points)), ends), shape=(len(points),) * 2) if points else sp.csr_array((0, 0))
+    label = connected_components(sp.block_array([[None, joined], [joined.T, None]]), directed=False)[1]
+    parts = (
+        [tuple(np.flatnonzero(label[ends[0]] == k).tolist()) for k in dict.fromkeys(label[ends[0]].tolist())]
+        if points
+        else []
+    )
+    return EverySolution(problem, tuple(points), "direct", len(parts) < len(points), tuple(parts))
 
 
 def _converted(problem: Problem) -> tuple[Problem, int, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -157,3 +158,27 @@ def test_what_cannot_be_counted_is_refused_in_one_line(tmp_path: Path) -> None:
     assert "lcp with n = 30: too large" in done.stderr
     assert not (tmp_path / "z.npy").exists()
     assert "all solutions are written as rows" in command(tmp_path, "solve", "large.h5", "--all", "-o", "z.h5").stderr
+
+
+@pytest.mark.parametrize("high", [3, 50])
+def test_equilibria_by_vertices_are_those_of_all_bases(high: int) -> None:
+    """Two ways to the same sets: payoffs of 0, 1, 2 make most games degenerate, larger ones few."""
+    rng = np.random.default_rng(high)
+    for _ in range(12):
+        shape = rng.integers(1, 5, 2)
+        problem = cpbench.from_game(rng.integers(0, high, shape), rng.integers(0, high, shape)).problem
+        bases, vertices = all_solutions(problem), cpbench.every_solution(problem)
+        assert bases is not None
+        assert vertices.endless == (bases.endless is not None)
+        if bases.endless is None:
+            wanted = {tuple(round(float(Fraction(int(v.p), int(v.q))), 9) for v in x) for x, _ in bases.points}
+            assert {tuple(point.arrays()["z"].round(9).tolist()) for point in vertices.points} == wanted
+
+
+def test_a_degenerate_game_has_its_connected_sets(tmp_path: Path) -> None:
+    """The row player is indifferent where the column player takes the first column: x is any, and y = (1, 0) where x
+    puts at least 1/2 on the first row, against which the first column is best."""
+    np.savez(tmp_path / "game.npz", A=[[1.0, 0.0], [1.0, 2.0]], B=[[1.0, 0.0], [0.0, 1.0]])
+    done = command(tmp_path, "solve", "game.npz", "--format", "game", "--all")
+    assert done.stdout.splitlines()[0] == "game (lcp): a continuum of solutions, of which 3 corners are listed"
+    assert done.stdout.splitlines()[-1] == "  one connected set of equilibria has the corners 2, 3"
