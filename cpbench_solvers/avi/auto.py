@@ -21,10 +21,14 @@ class _Affine(ByParts):
     def error(self, problem: AVI | Relay, point: Any, tolerance: float) -> float:
         return error_of(problem, point, tolerance)
 
+    def phases(self, problem: AVI | Relay) -> Sequence[SolverPhase]:
+        return [SolverPhase(name) for name in (reversed(self.members) if problem.q.size > LARGE else self.members)]
+
 
 @register
 class AutoAVI(_Affine):
-    """Lemke's method from a vertex of the polyhedron, then Newton's where the polyhedron is a box."""
+    """Lemke's method from a vertex of the polyhedron, then Newton's where the polyhedron is a box; beyond 1000 unknowns
+    the other way round."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("avi", "auto-avi", "pivoting from a vertex, then Newton on boxes")
     members: ClassVar[tuple[str, ...]] = ("lemke-avi", "newton-avi")
@@ -36,6 +40,3 @@ class AutoRelay(_Affine):
 
     spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size")
     members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay")
-
-    def phases(self, problem: Relay) -> Sequence[SolverPhase]:
-        return [SolverPhase(name) for name in (reversed(self.members) if problem.q.size > LARGE else self.members)]
