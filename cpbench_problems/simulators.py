@@ -16,10 +16,11 @@ import importlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from cpbench.analysis.contact_freedom import without_motion
 from cpbench.errors import ProblemError, Unavailable
 from cpbench.formulations.base import Contacts
 from cpbench.formulations.contact import LocalContact
@@ -27,6 +28,7 @@ from cpbench.formulations.local_contact import AnisotropicFrictionContact, Frict
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.text import counted
 
+_Made = TypeVar("_Made", bound=LocalContact)
 OF_PAIR = 4096
 """Numbers that each pair of geometries has for its contacts."""
 
@@ -128,8 +130,7 @@ def from_mujoco(model: Any, data: Any, *, contacts_alone: bool = False, name: st
         made = RollingFrictionContact(mu=mu[:, 0], mu_r=np.array([row.mu_r for row in rows]), **shared)
     else:
         made = FrictionContact(mu=mu[:, 0], **shared)
-    kept = {key: text for key, text in properties.items() if text}
-    return replace(made, info=replace(made.info, properties={**made.info.properties, **kept}))
+    return _noted(made, properties)
 
 
 def from_pinocchio(
@@ -186,7 +187,7 @@ def from_pinocchio(
     gap = np.array([contact.penetration_depth for _, contact in contacts])  # negative inside, as a distance
     rows = [_Row(J[3 * k : 3 * k + 3], (), max(float(distance), 0.0) / dt) for k, distance in enumerate(gap)]
     W, made = _delassus(J, np.linalg.solve(M, J.T).T, free, rows)
-    return FrictionContact(W=W, q=made, mu=np.full(len(contacts), mu), contacts=known, name=name)
+    return _noted(FrictionContact(W=W, q=made, mu=np.full(len(contacts), mu), contacts=known, name=name), {})
 
 
 def _package(name: str, distribution: str = "") -> Any:
@@ -283,3 +284,11 @@ def _velocity(model: Any, data: Any, joint: int, position: Vector) -> Dense:
     pinocchio = _package("pinocchio", "pin")
     world = pinocchio.getJointJacobian(model, data, joint, pinocchio.LOCAL_WORLD_ALIGNED)
     return world[:3] - pinocchio.skew(position - data.oMi[joint].translation) @ world[3:]
+
+
+def _noted(problem: _Made, properties: dict[str, str]) -> _Made:
+    """Return the problem with those properties that have a text, and `fixed`, the contacts with W_NN = 0."""
+    immobile = without_motion(problem)
+    fixed = f"W_NN = 0 at contacts {immobile}: joints carry them" if immobile else ""
+    kept = {key: text for key, text in {**properties, "fixed": fixed}.items() if text}
+    return replace(problem, info=replace(problem.info, properties={**problem.info.properties, **kept}))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cpbench import storage
+from cpbench.analysis.contact_freedom import freedom_lines
 from cpbench.analysis.contact_table import ContactTable, contact_table
 from cpbench.api.solution import objective_of
 from cpbench.bench.results.rows import MEASURED, Outcome
@@ -85,6 +86,11 @@ def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: boo
         yield from _contact_lines(contact_table(problem, point, tolerance), most)
     except PointError as cause:
         yield f"  {cause}"
+        return
+    velocities = point.arrays().get("v", np.zeros(0))
+    for first in range(0, velocities.size if most is None else min(velocities.size, 6 * MOST), 6):
+        some = velocities[first : first + 6]
+        yield f"  v[{first}:{first + some.size}] = {', '.join(f'{value:.6g}' for value in some.tolist())}"
 
 
 def own_parts(problem: Problem, point: Point) -> Mapping[str, Vector]:
@@ -216,6 +222,8 @@ class Answered:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:
             yield from answer_lines(self.problem, self.point, self.tolerance, every=verbose)
+            if self and isinstance(self.problem, ContactProblem):
+                yield from freedom_lines(self.problem, self.point, self.tolerance)
         if verbose:
             yield from self._details()
 

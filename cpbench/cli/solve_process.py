@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import graph, storage
+from cpbench.analysis.contact_freedom import least_forces
+from cpbench.api.problems import verify
 from cpbench.api.solution import Solution
 from cpbench.api.solving import JUDGE, Way, solve_there, way_to
 from cpbench.bench import starts
@@ -25,6 +27,7 @@ from cpbench.cli.answered import Answered
 from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
+from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation.extensions import hook
 from cpbench.generators.collection import builtin_folder
 from cpbench.solvers.base import Trait
@@ -182,7 +185,12 @@ def _start(policy: starts.StartPolicy, problem: Problem, way: Way, address: str,
 
 
 def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answered:
-    """Return a solution as the outcome of a solve, with `there`, its error on the solver's own problem."""
+    """Return a solution as the outcome of a solve, with `there`, its error on the solver's own problem; where forces
+    are not unique with those of least norm, if these pass, too."""
+    if solution and isinstance(solution.problem, ContactProblem):
+        least = least_forces(solution.problem, solution.point, solution.tolerance)
+        if least is not None and (verdict := verify(solution.problem, least, tolerance=solution.tolerance)).solved:
+            solution = replace(solution, point=least, verdict=verdict)
     problem, verdict, spent = solution.problem, solution.verdict, solution.seconds
     outcome = replace(
         known,

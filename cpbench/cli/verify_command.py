@@ -10,15 +10,18 @@ from typing import Any
 import click
 
 from cpbench import storage, verification
+from cpbench.analysis.contact_freedom import freedom_lines
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
 from cpbench.bench.results.rejudge import rejudge_file
+from cpbench.cli.answered import answer_lines
 from cpbench.cli.options import format_option, measure_option, number, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
+from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.programs import NLP, Convexity
 from cpbench.foundation import extensions
 from cpbench.generators.collection import address_text
@@ -90,6 +93,9 @@ def command(
         print_lines(unbounded_lines(loaded))
     print_lines(lines)
     print_lines(remark_lines(verdict))
+    if isinstance(loaded, ContactProblem):
+        print_lines(answer_lines(loaded, point, tolerance))
+        print_lines(freedom_lines(loaded, point, tolerance) if verdict.solved else ())
     if not verdict.solved:
         sys.exit(1)
 

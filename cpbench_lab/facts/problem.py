@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.analysis.contact_freedom import without_motion
 from cpbench.formulations import MLCP, Problem
 from cpbench.formulations.contact import ContactProblem, DelassusContact
 from cpbench.foundation import matrices
@@ -59,6 +60,9 @@ def _contact(problem: ContactProblem, ranks: dict[str, Fact]) -> list[Fact]:
         Fact("contacts", "", problem.nc, How.EXACT),
         Fact("frictionless contacts", "", int(smooth.sum()), How.EXACT, evidence="μ = 0"),
     ]
+    if immobile := without_motion(problem):
+        text = f"{immobile[:8]}: no force moves them along their normals, as a joint carries it"
+        result.append(Fact("contacts with W_NN = 0", "", len(immobile), How.FACTORIZATION, evidence=text))
     if isinstance(problem, DelassusContact):
         result += _diagonal_blocks(problem)
     operator = "W" if "W" in ranks else "H"
