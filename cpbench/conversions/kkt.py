@@ -20,6 +20,9 @@ from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 
+NOTHING = float(np.sqrt(np.finfo(float).eps))
+"""Share of the terms of the gap below which a distance to a bound is taken for 0: its error falls by this factor."""
+
 
 @dataclass(frozen=True)
 class ConstraintRows:
@@ -73,6 +76,7 @@ def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
 
     Of the force and the distance to the bound that it presses against, both without units, the smaller counts as 0: the
     force over the terms that it is the sum of, and the distance by what it changes in some row, over that row's terms.
+    A row of which all terms are rounding tells nothing: a distance that is nothing in the gap counts as 0 in any case.
     Trace: `M`, `q`, `A`, `b`, `C`, `d`, `lb`, `ub`.
     """
     M, A, C, lb, ub = (trace[name] for name in ("M", "A", "C", "lb", "ub"))
@@ -84,6 +88,7 @@ def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
         distance = np.where(nu > 0.0, z - lb, ub - z)
         # at the bound itself the effect may be infinite: ∞·0 would be no number
         pressed = (distance <= 0.0) | (abs(nu) >= effect * distance * terms) | (lb == ub)
+        pressed |= distance * terms <= NOTHING * (terms @ abs(z))
     return np.where(pressed, nu, 0.0)
 
 

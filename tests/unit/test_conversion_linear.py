@@ -185,6 +185,14 @@ def test_a_bound_is_pressed_at_the_origin_too() -> None:
     assert lifted.nu.tolist() == [0.0, 1.0]
 
 
+def test_a_bound_is_pressed_beside_rows_of_rounding() -> None:
+    """z at its bounds but for 1e-17, and a row z₁ ≥ z₂: its terms are as small, so that it tells nothing of z."""
+    Q = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, 0.0], [-0.5, 0.0, 1.0]])
+    source = QP.build(Q, np.array([1.0, 1.0, -1.0]), A=[[1.0, -1.0, 0.0]], b=[0.0], lb=np.zeros(3))
+    lifted = graph.lift(make("qp-avi").step(source), AVIPoint(z=[1e-17, 1e-17, 1.0], lam=[0.0]))
+    assert lifted.nu.tolist() == [0.5, 1.0, 0.0]
+
+
 def test_an_idle_bound_takes_no_force() -> None:
     """An interior solution with an error of 1e-9 in it: what is left of the gradient is no force of bounds at ±1e6."""
     rng = np.random.default_rng(0)
