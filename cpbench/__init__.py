@@ -88,9 +88,9 @@ def __getattr__(name: str) -> Any:
     if name == "__all__":
         return ["__version__", *_HOMES, *_added_functions(), *sorted({*_own_formulations(), *_all_formulations()})]
     if name[0].isupper():  # a module that has this name is sought by Python itself
-        found = _own_formulations().get(name) or _all_formulations().get(name)
-        if found is not None:
-            return found
+        formulation = _own_formulations().get(name) or _all_formulations().get(name)
+        if formulation is not None:
+            return formulation
     if not (name.startswith("_") or _is_module(name)) and name in _added_functions():
         return _module("foundation.extensions").function(name)
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
@@ -111,8 +111,8 @@ def _is_module(name: str) -> bool:
 def _added_functions() -> dict[str, Any]:
     """Return the functions of other installed packages, by name: their entry points."""
     extensions = _module("foundation.extensions")
-    found: dict[str, Any] = extensions.added(extensions.FUNCTIONS)
-    return found
+    functions: dict[str, Any] = extensions.added(extensions.FUNCTIONS)
+    return functions
 
 
 def _own_formulations() -> dict[str, type]:

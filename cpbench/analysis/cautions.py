@@ -18,7 +18,7 @@ from cpbench.analysis.metrics import Metric
 from cpbench.analysis.starts import COLD
 from cpbench.foundation.text import counted, some_of
 
-Sheets = Mapping[str, Mapping[str, Any]]
+SolverMetadata = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")
 """Metrics that have the launch of a program in them."""
 BUSY, DRIFT = 0.1, 1.5
@@ -36,26 +36,26 @@ def fell_back(rows: pd.DataFrame) -> dict[str, int]:
     return {str(label): int(count) for label, count in rows.loc[cold, "label"].value_counts().items()}
 
 
-def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
+def launching(labels: Iterable[str], metadata: SolverMetadata) -> list[str]:
     """Return the labels whose every solve launches a program.
 
     >>> launching(["lemke", "gams-path"], {"lemke": {}, "gams-path": {"launches": True}})
     ['gams-path']
     """
-    return [label for label in labels if sheets.get(label, {}).get("launches")]
+    return [label for label in labels if metadata.get(label, {}).get("launches")]
 
 
-def methods(labels: Iterable[str], sheets: Sheets) -> dict[str, list[str]]:
+def methods(labels: Iterable[str], metadata: SolverMetadata) -> dict[str, list[str]]:
     """Return the labels of each kind of method."""
     result: dict[str, list[str]] = {}
     for label in labels:
-        method = sheets.get(label, {}).get("method")
+        method = metadata.get(label, {}).get("method")
         if method:
             result.setdefault(str(method), []).append(label)
     return result
 
 
-def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
+def caution(metric: Metric, labels: Iterable[str], metadata: SolverMetadata) -> str:
     """Return the sentence beside a figure or table of this metric; '' where its numbers compare as they stand.
 
     >>> from cpbench.analysis.metrics import METRICS
@@ -68,11 +68,11 @@ def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
     An iteration is another thing in each method: pivoting (lemke); Newton with pivoting (path). Counts do not compare.
     """
     labels = list(labels)
-    if metric.name in CLOCKS and (started := launching(labels, sheets)):
+    if metric.name in CLOCKS and (started := launching(labels, metadata)):
         return _launch(started)
-    if metric.name == "reported" and (started := launching(labels, sheets)):
+    if metric.name == "reported" and (started := launching(labels, metadata)):
         return f"What {', '.join(started)} reports may have the launch of a program in it."
-    if metric.counter == "iterations" and len(by_method := methods(labels, sheets)) > 1:
+    if metric.counter == "iterations" and len(by_method := methods(labels, metadata)) > 1:
         methods_text = "; ".join(f"{method} ({', '.join(names)})" for method, names in by_method.items())
         return f"An iteration is another thing in each method: {methods_text}. Counts do not compare."
     return ""

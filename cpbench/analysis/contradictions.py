@@ -109,7 +109,7 @@ def named(labels: Iterable[str]) -> str:
     return some_of(names, LABELS)
 
 
-def involving(found: Iterable[Contradiction], keys: Iterable[str]) -> list[Contradiction]:
+def involving(contradictions: Iterable[Contradiction], keys: Iterable[str]) -> list[Contradiction]:
     """Return the contradictions in which one of the rows has a part."""
     key_set = set(keys)
-    return [one for one in found if key_set.intersection(one.rows)]
+    return [one for one in contradictions if key_set.intersection(one.rows)]

@@ -49,12 +49,12 @@ def participating(group: pd.DataFrame) -> pd.DataFrame:
     return group[present]
 
 
-def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def restricted(table: pd.DataFrame, metadata: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Return the restriction on publishing, by name, of the solvers that have one and were started on some pair.
 
-    `sheets` : what the results say of each label, with `name` and `publishing`.
+    `metadata` : what the results say of each label, with `name` and `publishing`.
     """
-    terms = {str(sheet.get("name", "")): str(sheet.get("publishing") or "") for sheet in sheets.values()}
+    terms = {str(one.get("name", "")): str(one.get("publishing") or "") for one in metadata.values()}
     started = table.loc[~table["status"].isin(REFUSED), "solver"].unique()
     return {name: terms[name] for name in sorted(started) if terms.get(name)}
 

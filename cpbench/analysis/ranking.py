@@ -134,10 +134,10 @@ class Ranking:
         return count if self.cases == self.problems else f"{count}, {counted(self.cases, 'start')}"
 
 
-def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:
+def rankings(table: pd.DataFrame, metadata: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:
     """Rank every group in which a solver was started, in order of the groups.
 
-    `sheets` : what the results say of each label (`meta["solvers"]`); one with a true `launches` is marked.
+    `metadata` : what the results say of each label (`meta["solvers"]`); one with a true `launches` is marked.
 
     >>> rows = pd.DataFrame({"problem": ["a", "b"] * 2, "label": ["s", "s", "t", "t"], "node": "lcp", "solve": 1.0,
     ...                      "status": ["solved", "solved", "solved", "timeout"], "tolerance": 1e-6, "threads": 1})
@@ -147,7 +147,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     """
     parts = rows_of.groups(starts.merged(table[[name for name in READ if name in table]]))
     groups = [group for group, _ in parts]
-    launching = cautions.launching(sheets or {}, sheets or {})
+    launching = cautions.launching(metadata or {}, metadata or {})
     result: list[Ranking] = []
     for group, rows in parts:
         started = rows[~rows["status"].isin(REFUSED)]

@@ -40,13 +40,13 @@ def conclude(
     return conflicts
 
 
-def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:
+def contradiction_lines(contradictions: Sequence[Contradiction]) -> Iterator[str]:
     """Yield the contradictions for a reader, a line each; at most LINES of them. Nothing where there is none."""
-    if found:
-        yield f"{counted(len(found), 'contradiction')} (rows that cannot all be right):"
-        yield from (f"- {on_one_line(str(one))}" for one in found[:LINES])
-        if len(found) > LINES:
-            yield f"and {len(found) - LINES} more in the report"
+    if contradictions:
+        yield f"{counted(len(contradictions), 'contradiction')} (rows that cannot all be right):"
+        yield from (f"- {on_one_line(str(one))}" for one in contradictions[:LINES])
+        if len(contradictions) > LINES:
+            yield f"and {len(contradictions) - LINES} more in the report"
         yield ""
 
 

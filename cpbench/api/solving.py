@@ -31,7 +31,7 @@ SOLVE, JUDGE = "solve", "judge"
 
 
 @dataclass(frozen=True)
-class Way:
+class RoutedSolver:
     """A solver, and the problem as it was brought there.
 
     Attributes
@@ -83,17 +83,17 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
         )
     if not (tolerance > 0 and seconds > 0):
         raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
-    way = way_to(problem, solver)
-    warm_up(way.solver)
-    return solve_there(problem, way, tolerance, seconds)[0]
+    routed = route_to_solver(problem, solver)
+    warm_up(routed.solver)
+    return solve_there(problem, routed, tolerance, seconds)[0]
 
 
-def way_to(
+def route_to_solver(
     problem: Problem,
     name: str | None = None,
     via: Sequence[Conversion] = (),
     kinds: frozenset[Kind] = EXACT,
-) -> Way:
+) -> RoutedSolver:
     """Bring the problem to a solver by its name, or to the nearest automatic choice that takes it (None, AUTO).
 
     `via` : conversions to go through. `kinds` : the promises that others may have.
@@ -107,40 +107,40 @@ def way_to(
     state = solver.availability()
     if not state.ok:
         raise Unavailable(state.state, f"{base}: {state.detail}")
-    way = _brought(problem, solver, parse_options(solver.spec, given), name, via, kinds)
-    why = solver.obstacle(way.problem)
+    routed = _brought(problem, solver, parse_options(solver.spec, given), name, via, kinds)
+    why = solver.obstacle(routed.problem)
     if why is not None:
         raise NotApplicable(name, why)
-    return way
+    return routed
 
 
-def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kind]) -> Way:
+def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kind]) -> RoutedSolver:
     """Bring the problem to the nearest automatic choice that takes it; raises NoRoute."""
     refused: list[str] = []
     for name in nearest_automatic(via[-1].target if via else problem.node):
         chosen = solvers.get(name)
         try:
-            way = _brought(problem, chosen, chosen.spec.options(), name, via, kinds)
+            routed = _brought(problem, chosen, chosen.spec.options(), name, via, kinds)
         except NoRoute as cause:
             refused.append(str(cause))
             continue
-        why = chosen.obstacle(way.problem)
+        why = chosen.obstacle(routed.problem)
         if why is None:
-            return way
+            return routed
         refused.append(f"{name}: {why}")
     tried = f" (tried: {refused[0]})" if refused else ""
-    raise NoRoute(f"no solver of cpbench takes this problem ({problem.node}): {_takers(problem)}{tried}")
+    raise NoRoute(f"no solver of cpbench takes this problem ({problem.node}): {_accepting_solvers(problem)}{tried}")
 
 
 def _brought(
     problem: Problem, solver: Solver, options: Any, name: str, via: Sequence[Conversion], kinds: frozenset[Kind]
-) -> Way:
+) -> RoutedSolver:
     if solver.spec.node == problem.node and not via:
-        return Way(solver, options, name, problem, kind=solver.spec.kind)
+        return RoutedSolver(solver, options, name, problem, kind=solver.spec.kind)
     done = graph.Memory()
     arrival = graph.arrive(problem, solver.spec.node, kinds, via, apply=done)
     kind = max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank)
-    return Way(
+    return RoutedSolver(
         solver,
         options,
         name,
@@ -154,7 +154,7 @@ def _brought(
 
 def solve_there(
     problem: Problem,
-    way: Way,
+    routed: RoutedSolver,
     tolerance: float,
     seconds: float,
     start: Any = None,
@@ -166,12 +166,12 @@ def solve_there(
 
     `start` : a point of the solver's own problem. `on_phase` : called with SOLVE and JUDGE where these begin.
     """
-    run = partial(_judged, problem, way, tolerance, start=start, on_phase=on_phase)
-    target_tolerance = graph.tolerance(way.problem, tolerance, way.steps)
+    run = partial(_judged, problem, routed, tolerance, start=start, on_phase=on_phase)
+    target_tolerance = graph.tolerance(routed.problem, tolerance, routed.steps)
     first, missed = run(Budget(tolerance=target_tolerance, seconds=seconds))
     if first.status not in FALSE_CLAIMS:
         return first, missed
-    smaller = second_tolerance(way.solver.stopping, target_tolerance, first.claim, missed)
+    smaller = second_tolerance(routed.solver.stopping, target_tolerance, first.claim, missed)
     if smaller is None:
         return first, missed
     second, missed_again = run(Budget(tolerance=smaller, seconds=seconds))
@@ -184,20 +184,28 @@ def solve_there(
 
 
 def _judged(
-    problem: Problem, way: Way, tolerance: float, budget: Budget, *, start: Any, on_phase: Callable[[str], None]
+    problem: Problem,
+    routed: RoutedSolver,
+    tolerance: float,
+    budget: Budget,
+    *,
+    start: Any,
+    on_phase: Callable[[str], None],
 ) -> tuple[Solution, float]:
     """Return what one run of the solver is worth, and the error of its answer on its own problem."""
     seconds = budget.seconds
-    ended = partial(Solution, problem=problem, solver=way.name, tolerance=tolerance, route=way.label, kind=way.kind)
-    spent = {"convert": way.seconds} if way.steps else {}
-    solver = way.solver
+    ended = partial(
+        Solution, problem=problem, solver=routed.name, tolerance=tolerance, route=routed.label, kind=routed.kind
+    )
+    spent = {"convert": routed.seconds} if routed.steps else {}
+    solver = routed.solver
     try:
-        handed = solver.hand_over(way.problem)
+        handed = solver.hand_over(routed.problem)
         on_phase(SOLVE)
         begun = time.perf_counter()
-        prepared = solver.setup(handed, budget, way.options)
+        prepared = solver.setup(handed, budget, routed.options)
         between = time.perf_counter()
-        output = solver.solve(prepared, budget, way.options, start)
+        output = solver.solve(prepared, budget, routed.options, start)
         spent |= {"setup": between - begun, "solve": time.perf_counter() - between}
         output = solver.collect(output)
         on_phase(JUDGE)
@@ -211,14 +219,14 @@ def _judged(
         return broken, broken.error
     judgement = judge_answer(
         problem,
-        way.problem,
-        way.steps,
+        routed.problem,
+        routed.steps,
         None if output.point is None else output.point.arrays(),
         tolerance=tolerance,
         claim=output.claim,
-        kind=way.kind,
+        kind=routed.kind,
         promise=solver.spec.kind,
-        prove=lambda claim: _proof(problem, way, tolerance, claim, output.certificate, PROOF_SHARE * seconds),
+        prove=lambda claim: _proof(problem, routed, tolerance, claim, output.certificate, PROOF_SHARE * seconds),
     )
     # the solver knows the limit, and nothing stops it in this process
     late = spent["setup"] + spent["solve"] > seconds
@@ -236,17 +244,17 @@ def _judged(
 
 
 def _proof(
-    problem: Problem, way: Way, tolerance: float, claim: str, certificate: Any, seconds: float
+    problem: Problem, routed: RoutedSolver, tolerance: float, claim: str, certificate: Any, seconds: float
 ) -> proofs.ProofAttempt | None:
     """Look for a proof that the problem has no solution: that which the solver claims, or any where it claims none.
 
     Where no conditions are known of the problem, those of the solver's own problem stand for it, if every solution of
     the one is one of the other: what the conversion rounds is far below the margin of a proof.
     """
-    subject, direct = problem, not way.steps
-    program = isinstance(problem, NLP) and proofs.objective(way.problem) is None  # optimality has no objective
-    if proofs.conditions(problem) is None and way.kind in (Kind.EQUIVALENT, Kind.NECESSARY) and not program:
-        subject, direct = way.problem, True
+    subject, direct = problem, not routed.steps
+    program = isinstance(problem, NLP) and proofs.objective(routed.problem) is None  # optimality has no objective
+    if proofs.conditions(problem) is None and routed.kind in (Kind.EQUIVALENT, Kind.NECESSARY) and not program:
+        subject, direct = routed.problem, True
     search = partial(proofs.prove, subject, tolerance=tolerance)
     proof_attempt = look_for_proof(search, direct, claim, certificate, min(seconds, PROOF_SECONDS))
     if proof_attempt is None:
@@ -259,7 +267,7 @@ def _proof(
     return proof_attempt
 
 
-def _takers(problem: Problem) -> str:
+def _accepting_solvers(problem: Problem) -> str:
     """Say which installed solvers take a problem as it is."""
     of_node = (
         one for one in solvers if one.spec.node == problem.node and one.spec.by_default and not missing(one.spec)

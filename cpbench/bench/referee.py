@@ -57,42 +57,42 @@ class Referee:
         self._cache = ProblemCache(scratch)
         self._attempts: tuple[str, dict[tuple[str, float], proofs.ProofAttempt]] = ("", {})
 
-    def answer(self, asked: messages.Message) -> messages.Message:
+    def answer(self, request: messages.Message) -> messages.Message:
         """Answer a message of the runner."""
-        match asked:
+        match request:
             case messages.Survey():
-                return self.survey(asked)
+                return self.survey(request)
             case messages.Open():
-                self._cache.open(asked.address, asked.format, asked.fingerprint)
+                self._cache.open(request.address, request.format, request.fingerprint)
                 return messages.Opened()
             case messages.Prepare():
-                return self.prepare(asked.case)
+                return self.prepare(request.case)
             case messages.FindStart():
-                return self.find_start(asked)
+                return self.find_start(request)
             case messages.Judge():
-                return self.judge(asked)
+                return self.judge(request)
             case messages.JudgeHistory():
-                return self.judge_history(asked)
+                return self.judge_history(request)
             case _:
-                raise TypeError(f"a referee does not answer {type(asked).__name__}")
+                raise TypeError(f"a referee does not answer {type(request).__name__}")
 
-    def survey(self, asked: messages.Survey) -> messages.Surveyed:
+    def survey(self, message: messages.Survey) -> messages.Surveyed:
         """Measure what a plan needs to know of a problem."""
-        problem = self._cache.open(asked.address, asked.format)
+        problem = self._cache.open(message.address, message.format)
         sequence = getattr(problem, "sequence", None)
         return messages.Surveyed(
-            address=asked.address,
-            format=asked.format,
+            address=message.address,
+            format=message.format,
             problem=problem.name,
             fingerprint=problem.fingerprint,
             node=problem.node,
             family=problem.info.family,
             sizes=problem.sizes(),
             features=features(problem),
-            nodes={request.name: _open_nodes(problem, request) for request in asked.requests},
+            nodes={request.name: _open_nodes(problem, request) for request in message.requests},
             sequence=sequence.name if sequence else "",
             step=sequence.step if sequence else 0,
-            guesses=len(storage.guesses(asked.address)) if asked.guesses else 0,
+            guesses=len(storage.guesses(message.address)) if message.guesses else 0,
         )
 
     def prepare(self, case: messages.RefereeCase) -> messages.Prepared:
@@ -107,16 +107,16 @@ class Referee:
             tolerance=graph.tolerance(ready.problem, case.tolerance, ready.steps),
         )
 
-    def find_start(self, asked: messages.FindStart) -> messages.StartFound:
+    def find_start(self, request: messages.FindStart) -> messages.StartFound:
         """Find the point from which a solver is to start, on the converted problem; raises NotApplicable where there is
         none."""
-        case, earlier = asked.case, None
+        case, earlier = request.case, None
         source, ready = self._cache.ready(case)
-        if asked.before is not None:
-            before, answer = asked.before, unpack_answer(asked.vectors["answer"])
+        if request.before is not None:
+            before, answer = request.before, unpack_answer(request.vectors["answer"])
             earlier = starts.step_before(before.address, before.format, before.fingerprint, answer)
         begin = starts.start(
-            starts.parse_start(asked.policy),
+            starts.parse_start(request.policy),
             source,
             case.address,
             ready.problem,
@@ -125,23 +125,23 @@ class Referee:
         )
         return messages.StartFound(begin.description, begin.point.arrays() if begin.point is not None else {})
 
-    def judge(self, asked: messages.Judge) -> messages.Judged:
+    def judge(self, request: messages.Judge) -> messages.Judged:
         """Lift the answer, measure it on the problem that was asked, and give the row its status (`judge_answer`)."""
-        source, ready = self._cache.ready(asked.case)
-        answer = {name: vector for name, vector in asked.vectors.items() if name != "certificate"}
-        certificate = asked.vectors.get("certificate")
-        attempt = partial(self._attempt, source, asked.case.tolerance)
+        source, ready = self._cache.ready(request.case)
+        answer = {name: vector for name, vector in request.vectors.items() if name != "certificate"}
+        certificate = request.vectors.get("certificate")
+        attempt = partial(self._attempt, source, request.case.tolerance)
         judgement = judge_answer(
             source,
             ready.problem,
             ready.steps,
-            answer if asked.answered else None,
-            tolerance=asked.case.tolerance,
-            claim=asked.claim,
+            answer if request.answered else None,
+            tolerance=request.case.tolerance,
+            claim=request.claim,
             kind=ready.kind,
-            promise=Kind(asked.promise),
-            measure=asked.case.measure,
-            prove=lambda claim: look_for_proof(attempt, not ready.steps, claim, certificate, asked.proof_seconds),
+            promise=Kind(request.promise),
+            measure=request.case.measure,
+            prove=lambda claim: look_for_proof(attempt, not ready.steps, claim, certificate, request.proof_seconds),
         )
         return messages.Judged(
             status=str(judgement.status),
@@ -171,16 +171,16 @@ class Referee:
                 attempts[kind, tolerance] = attempt
         return attempt
 
-    def judge_history(self, asked: messages.JudgeHistory) -> messages.HistoryJudged:
+    def judge_history(self, request: messages.JudgeHistory) -> messages.HistoryJudged:
         """Lift and measure the iterates of a recorded solve on the problem that was asked, as many as time permits."""
-        source, ready = self._cache.ready(asked.case)
-        recorded = RecordedIterates.of(asked, sum(ready.problem.point_sizes.values()))
+        source, ready = self._cache.ready(request.case)
+        recorded = RecordedIterates.of(request, sum(ready.problem.point_sizes.values()))
         errors: dict[int, tuple[float, tuple[str, ...]]] = {}
         begun = time.perf_counter()
         for index in coarse_to_fine(len(recorded.iterates)):
-            if errors and time.perf_counter() - begun > asked.seconds:
+            if errors and time.perf_counter() - begun > request.seconds:
                 break
-            errors[index] = _measured(source, ready, recorded.iterates[index], asked.case.measure)
+            errors[index] = _measured(source, ready, recorded.iterates[index], request.case.measure)
         return messages.HistoryJudged({"history": recorded.judged(errors).pack()})
 
 

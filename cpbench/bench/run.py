@@ -94,26 +94,26 @@ def open_run(plan: RunPlan, builtin: Callable[[], Path], reading: Reading) -> Ge
         yield OpenRun(plan, assemble(plan, slots[0], builtin, reading), slots, setting, stack)
 
 
-def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
+def require_answers(run_plan: RunPlan, planned: Sequence[Pair]) -> None:
     """Raise CpbenchError where steps are to start from answers that are not kept."""
-    if asked.keep != "all" and any(pair.scene for pair in planned):
+    if run_plan.keep != "all" and any(pair.scene for pair in planned):
         raise CpbenchError(
-            f"--keep {asked.keep} with --start previous: a step starts from the kept answer to the one before; leave "
-            "--keep out"
+            f"--keep {run_plan.keep} with --start previous: a step starts from the kept answer to the one before; "
+            "leave --keep out"
         )
 
 
-def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> list[Pair]:
+def enter_pairs(store: Store, run_plan: RunPlan, assembly: Assembly, command: str) -> list[Pair]:
     """Enter a plan in the results: its rows, its files, what is to be run again, and the plan itself.
 
     Returns the pairs that have a row: all but those that an earlier command skipped. Raises StoreError, with the rows
     unchanged, when the file was made with other limits.
     """
     before = store.meta()
-    pairs = skipped.planned(store, assembly.pairs, asked.rerun)
+    pairs = skipped.planned(store, assembly.pairs, run_plan.rerun)
     store.plan(pairs)
-    if asked.rerun:
-        store.reset(RERUN[asked.rerun], [pair.key for pair in pairs])
+    if run_plan.rerun:
+        store.reset(RERUN[run_plan.rerun], [pair.key for pair in pairs])
         _reset_followers(store, pairs)
     planned = {pair.fingerprint for pair in pairs}
     surveyed = {survey.fingerprint: survey.features for survey in reversed(assembly.surveys)}
@@ -123,15 +123,15 @@ def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) 
         command=command,
         cpbench=machine.versions().get("cpbench", ""),
         date=time.strftime("%Y-%m-%d %H:%M"),
-        seed=asked.seed,
+        seed=run_plan.seed,
         machine=machine.describe(),
         versions=machine.versions(),
-        jobs=asked.jobs,
+        jobs=run_plan.jobs,
         reference=NAME,
-        kept_all=asked.keep == "all" and bool(before.get("kept_all", "plan" not in before)),
-        builtin=asked.builtin,
+        kept_all=run_plan.keep == "all" and bool(before.get("kept_all", "plan" not in before)),
+        builtin=run_plan.builtin,
         formats=_formats(before.get("formats", {}), assembly.read),
-        plan=asked.effective(assembly.found),
+        plan=run_plan.effective(assembly.fingerprints),
     )
     return pairs
 
@@ -139,7 +139,7 @@ def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) 
 def run_pending(
     executor: Executor | Sequence[Slot],
     store: Store,
-    asked: RunPlan,
+    run_plan: RunPlan,
     planned: Sequence[Pair],
     observer: Observer,
     absent: Mapping[str, str] | None = None,
@@ -155,11 +155,11 @@ def run_pending(
     try:
         _reset_followers(store, planned)
         observer.begin(planned, store.pending())
-        execute(executor, store, planned, asked.seed, on_event)
+        execute(executor, store, planned, run_plan.seed, on_event)
     finally:
         observer.end()
         skipped.settle(store, planned, absent or {})
-        store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
+        store.set_meta(solvers=_solver_metadata(store.meta().get("solvers", {}), planned, versions))
 
 
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
@@ -323,17 +323,17 @@ def _plugin_of_variant(name: str) -> str:
     return declared.origin(solver) if at and solver in solvers else ""
 
 
-def _sheets(
+def _solver_metadata(
     before: Mapping[str, Mapping[str, Any]],
     planned: Sequence[Pair],
     versions: Mapping[str, str],
 ) -> dict[str, Any]:
     """Return the facts of each solver for the results: those of earlier commands are kept, and so is the version of a
     solver that had nothing left to do."""
-    sheets: dict[str, Any] = dict(before)
+    metadata: dict[str, Any] = dict(before)
     for pair in planned:
         spec = solvers.get(pair.entry.solver).spec
-        sheets[pair.label] = dict(before.get(pair.label, {})) | {
+        metadata[pair.label] = dict(before.get(pair.label, {})) | {
             "name": spec.name,
             "node": spec.node,
             "method": spec.method,
@@ -347,4 +347,4 @@ def _sheets(
             "plugin": declared.origin(spec.name),
             "variant_of": _plugin_of_variant(spec.name),
         }
-    return sheets
+    return metadata

@@ -73,20 +73,22 @@ def not_run(store: Store, assembly: Assembly) -> list[str]:
     if store.counts().get(status):
         named = {pair.key for pair in assembly.pairs if pair.named}
         absent = Counter(row.solver for row in store.rows() if row.status == status and row.key in named)
-    names = {name for part in assembly.parts if part.asked.chosen for name in grids.named(part.asked.solvers)}
+    names = {
+        name for part in assembly.parts if part.problem_set.chosen for name in grids.named(part.problem_set.solvers)
+    }
     return [
         *(f"{name} ({counted(rows, 'row')} {status})" for name, rows in sorted(absent.items())),
         *(f"{name} (no route)" for name in assembly.idle if name in names),
     ]
 
 
-def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:
+def failures(store: Store, run_plan: RunPlan, planned: Sequence[Pair]) -> Counter[str]:
     """Count the planned pairs that ended in a status which the plan calls a failure."""
-    if not asked.fail_on:
+    if not run_plan.fail_on:
         return Counter()
     keys = {pair.key for pair in planned}
     ended = [*((row.key, row.status) for row in store.rows()), *statuses(store).items()]
-    return Counter(status for key, status in ended if key in keys and status in asked.fail_on)
+    return Counter(status for key, status in ended if key in keys and status in run_plan.fail_on)
 
 
 def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> None:

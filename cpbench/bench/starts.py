@@ -101,16 +101,16 @@ def one_start(text: str) -> StartPolicy:
     return policy
 
 
-def each_start(asked: str, guesses: int) -> list[str]:
+def each_start(text: str, guesses: int) -> list[str]:
     """Return the policies that one stands for, on a problem whose file has this many guesses. Without guesses the first
     is named, so that the row reports that there is none.
 
     >>> each_start("file:all", 3), each_start("cold", 3), each_start("file:all", 0)
     (['file', 'file:2', 'file:3'], ['cold'], ['file'])
     """
-    policy = parse_start(asked)
+    policy = parse_start(text)
     if policy.guess != EVERY:
-        return [asked]
+        return [text]
     return [str(StartPolicy(StartKind.FILE, guess=k)) for k in range(1, max(guesses, 1) + 1)]
 
 

@@ -71,23 +71,23 @@ class SolverRunner:
     def __init__(self, connection: Channel, solver: Solver) -> None:
         self._connection, self._solver = connection, solver
         self._path, self._problem, self._handed, self._checksum = "", None, None, 0
-        self._asked = messages.Solve("", 0.0, 0.0, {})
+        self._request = messages.Solve("", 0.0, 0.0, {})
         self.meter = Meter()
 
-    def serve(self, asked: messages.Solve) -> None:
+    def serve(self, request: messages.Solve) -> None:
         """Answer a request."""
-        self._asked = asked
+        self._request = request
         result = self._safely(self._answer)
         if result is None:
             return
-        if asked.repeats > 1 and result["short"] and not result["wrote"]:
+        if request.repeats > 1 and result["short"] and not result["wrote"]:
             times: list[Any] = []
-            for _ in range(asked.repeats - 1):
+            for _ in range(request.repeats - 1):
                 times.append(self._safely(self._repeat))
                 if times[-1] is None:
                     return
             self.send(messages.Repeats(tuple(times)))
-        if asked.history:
+        if request.history:
             self._safely(self._record)
 
     def send(self, message: messages.Message) -> None:
@@ -157,7 +157,7 @@ class SolverRunner:
                 **used,
             )
         )
-        return {"short": setup + wall < self._asked.repeat_below, "wrote": wrote}
+        return {"short": setup + wall < self._request.repeat_below, "wrote": wrote}
 
     def _method_seconds(self, wall: float, output: SolverOutput) -> float:
         """Return the seconds of the method, of those that passed here."""
@@ -179,12 +179,12 @@ class SolverRunner:
         return True
 
     def _loaded(self) -> Problem:
-        path = self._asked.path
+        path = self._request.path
         if self._problem is None or self._path != path:
             self._forget()  # two problems at a time might not fit
             self._problem = shared_problem.read(path)
             self._path, self._checksum = path, checksum(self._problem)
-            if self._asked.checksum not in (None, self._checksum):  # solvers can write to the files
+            if self._request.checksum not in (None, self._checksum):  # solvers can write to the files
                 self._forget()
                 raise ValueError(f"loading: {path} is not what the referee wrote")
         return self._problem
@@ -194,7 +194,7 @@ class SolverRunner:
 
     def _arguments(self, problem: Problem) -> tuple[Budget, Any, Any]:
         """Return budget, options and starting point of the request."""
-        request = self._asked
+        request = self._request
         first = problem.point_type(**request.vectors) if request.vectors else None
         budget = Budget(tolerance=request.tolerance, seconds=request.seconds)
         return budget, self._solver.spec.options(**request.options), first

@@ -61,15 +61,15 @@ class RefereeClient:
     def ask(self, seconds: float, message: messages.Message, expected: type[Reply]) -> Reply | messages.Failure:
         """Send a message, again where the process died (`AGAIN`); return the reply, or why there is none."""
         data = messages.pack(message)
-        reply = self._asked(seconds, data)
+        reply = self._reply(seconds, data)
         for _ in range(AGAIN):
             if isinstance(reply, messages.Gone):
-                reply = self._asked(seconds, data)
+                reply = self._reply(seconds, data)
         if isinstance(reply, (expected, messages.Failure)):
             return reply
         return messages.Failed(f"the referee answered with {type(reply).__name__}")
 
-    def _asked(self, seconds: float, data: bytes) -> messages.Message:
+    def _reply(self, seconds: float, data: bytes) -> messages.Message:
         try:
             if self.child is None:
                 arguments = (str(self._scratch), self._limit)

@@ -21,7 +21,7 @@ from cpbench.foundation.text import counted, some_of
 from cpbench.generators.base import SMALL, TIERS
 from cpbench.generators.collection import (
     NAME,
-    TIER_SHEETS,
+    TIER_FOLDER,
     VERSION,
     ListedProblem,
     builtin_folder,
@@ -143,8 +143,8 @@ def generate(folder: Path | None, names: tuple[str, ...], tier: str, check: bool
         if folder is None or names or check:
             raise click.UsageError(f"--tier {tier} needs a FOLDER to write to, and goes without --family and --check")
         written = write_collections(folder, tier=tier)
-        sheets = (path for path in _shown(written) if path.suffix == ".toml")
-        _require_same(sheets, folder, builtin_folder() / TIER_SHEETS / tier, "not as published")
+        tables = (path for path in _shown(written) if path.suffix == ".toml")
+        _require_same(tables, folder, builtin_folder() / TIER_FOLDER / tier, "not as published")
         click.echo(f"{folder}: every problem is that of {NAME} {VERSION}")
     elif check:
         target = folder or builtin_folder()
@@ -204,13 +204,13 @@ def scene(
         sys.exit(1)
 
 
-def _extent(found: added.LocalFiles) -> str:
-    return f"{counted(len(found.files), 'file')}, {size_text(found.size)}"
+def _extent(files: added.LocalFiles) -> str:
+    return f"{counted(len(files.files), 'file')}, {size_text(files.size)}"
 
 
-def _lacking(found: added.LocalFiles) -> Iterator[str]:
+def _lacking(checked: added.LocalFiles) -> Iterator[str]:
     """Yield a line each on files that are missing or have another content."""
-    for files, what in ((found.missing, "missing"), (found.changed, "with another content (SHA-256)")):
+    for files, what in ((checked.missing, "missing"), (checked.changed, "with another content (SHA-256)")):
         if files:
             yield f"  {len(files)} {what}: {some_of(files, SHOWN)}"
 

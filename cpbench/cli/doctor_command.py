@@ -30,9 +30,9 @@ def command() -> None:
     print_lines(fitted(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width())))
 
 
-def checkup_lines(found: Sequence[SolverState], width: int) -> Iterator[str]:
+def checkup_lines(states: Sequence[SolverState], width: int) -> Iterator[str]:
     """Yield the solvers by their state on this machine, and for what is missing how to get it."""
-    counts = {state: [one for one in found if one.state == state] for state in availability.STATES}
+    counts = {state: [one for one in states if one.state == state] for state in availability.STATES}
     yield f"solvers      {', '.join(f'{len(those)} {state}' for state, those in counts.items() if those)}"
     for state, those in counts.items():
         if those:

@@ -19,7 +19,7 @@ ROWS = 60
 """Most problems that are listed singly; more are counted by family."""
 
 
-def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iterator[str]:
+def lines(run_plan: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iterator[str]:
     """Yield the plan for a reader; `before` has the status of every row in the results file, by key."""
     pairs = assembly.pairs
     if pairs:
@@ -28,16 +28,16 @@ def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iter
         yield "pairs by solver: " + ", ".join(f"{name} {counts[name]}" for name in sorted(counts))
         yield ""
     yield from _sets(assembly)
-    again = RERUN[asked.rerun] if asked.rerun else ()
+    again = RERUN[run_plan.rerun] if run_plan.rerun else ()
     kept = {key for key, status in before.items() if status != "not_run" and again is not None and status not in again}
     todo = [pair for pair in pairs if pair.key not in kept]
-    if asked.shard != (1, 1):
+    if run_plan.shard != (1, 1):
         whole = len({pair.key for part in assembly.parts for pair in part.pairs})
-        yield f"shard {asked.shard[0]} of {asked.shard[1]}: {len(pairs)} of {counted(whole, 'pair')}"
+        yield f"shard {run_plan.shard[0]} of {run_plan.shard[1]}: {len(pairs)} of {counted(whole, 'pair')}"
     if before:
         done = len(pairs) - len(todo)
-        yield f"{asked.results} has {done} of the {counted(len(pairs), 'pair')}; {len(todo)} to be run"
-    yield f"{counted(len(todo), 'pair')} to run: {_bound(todo, asked)}"
+        yield f"{run_plan.results} has {done} of the {counted(len(pairs), 'pair')}; {len(todo)} to be run"
+    yield f"{counted(len(todo), 'pair')} to run: {_bound(todo, run_plan)}"
 
 
 def _rows(pairs: Sequence[Pair]) -> Iterator[tuple[str, ...]]:
@@ -54,15 +54,15 @@ def _rows(pairs: Sequence[Pair]) -> Iterator[tuple[str, ...]]:
 
 def _sets(assembly: Assembly) -> Iterator[str]:
     for part in assembly.parts:
-        name = f"set {part.asked.name}: " if part.asked.name else ""
-        tolerances = ", ".join(f"{tolerance:g}" for tolerance in part.asked.tolerance)
+        name = f"set {part.problem_set.name}: " if part.problem_set.name else ""
+        tolerances = ", ".join(f"{tolerance:g}" for tolerance in part.problem_set.tolerance)
         there = f"{counted(len(part.problems), 'problem')} x {counted(len(part.entries), 'solver')} with options"
-        routes = "+".join(part.asked.via) or part.asked.allowed_routes
+        routes = "+".join(part.problem_set.via) or part.problem_set.allowed_routes
         pairs = counted(len(part.pairs), "pair")
         yield f"{name}{there}, routes {routes}, tolerance {tolerances}: {pairs} that a route may reach"
 
 
-def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
+def _bound(todo: Sequence[Pair], run_plan: RunPlan) -> str:
     """Return as text the longest time that the solves can take, with their repeats and histories."""
     if not todo:
         return "nothing"
@@ -71,8 +71,8 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
         limit = pair.limits
         whole += (limit.seconds + GRACE) * (2 if _recorded(pair) else 1)
         whole += min(limit.repeat_below, limit.seconds) * (limit.repeats - 1)
-    slots = f" with {asked.jobs} solves at a time" if asked.jobs > 1 else ""
-    longest = duration(whole / asked.jobs)
+    slots = f" with {run_plan.jobs} solves at a time" if run_plan.jobs > 1 else ""
+    longest = duration(whole / run_plan.jobs)
     return f"worst case {longest}{slots}, where every solve times out; conversions and judging come on top"
 
 

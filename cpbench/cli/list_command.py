@@ -23,7 +23,7 @@ from cpbench.solvers.base import Solver, SolverSpec, choices, solvers, written
 HEAD = ("solver", "node", "method", "version", "licence")
 RESTRICTED = "* figures must not be published without permission: cpbench list solvers NAME"
 LICENCE = 24
-"""Characters of a licence that a table shows; the sheet of the solver has all."""
+"""Characters of a licence that a table shows; its own page has all."""
 GLANCED = {
     "installed": "its packages are there and were not imported, as cpbench doctor does",
     "untried": "not checked: external program (cpbench doctor starts it)",
@@ -53,12 +53,12 @@ def command(what: str, names: tuple[str, ...], every: bool) -> None:
     elif what == "formats":
         print_lines(table((f.name, ", ".join(f.suffixes), f.summary) for f in storage.formats))
     elif names:
-        print_lines(line for name in names for line in _conversion_sheet(name))
+        print_lines(line for name in names for line in _conversion_lines(name))
     else:
         print_lines(table((e.name, e.source, "->", e.target, promise(e), e.equation) for e in edges()))
 
 
-def _conversion_sheet(name: str) -> Iterator[str]:
+def _conversion_lines(name: str) -> Iterator[str]:
     """Yield the mathematics of a conversion, as its docstring states it; raises UnknownName."""
     edge = conversions.get(name)
     yield f"{edge.name}: {edge.source} -> {edge.target}, {promise(edge)} {edge.equation}".rstrip()
@@ -78,7 +78,7 @@ def _solver_lines(names: Sequence[str], every: bool) -> Iterator[str]:
     if names:
         for i, solver in enumerate(shown):
             yield from [""] * bool(i)
-            yield from fitted(sheet(solver, states[solver.spec.name], reading_width()))
+            yield from fitted(solver_lines(solver, states[solver.spec.name], reading_width()))
         return
     yield from table(
         [(*HEAD, "here"), *((*cells(one.spec, states[one.spec.name]), states[one.spec.name].line) for one in shown)]
@@ -98,7 +98,7 @@ def cells(spec: SolverSpec, seen: SolverState) -> tuple[str, ...]:
     return spec.name, spec.node, spec.method, seen.version or "-", licence + ("*" if spec.publishing else "")
 
 
-def sheet(solver: Solver, seen: SolverState, width: int) -> Iterator[str]:
+def solver_lines(solver: Solver, seen: SolverState, width: int) -> Iterator[str]:
     """Yield everything known of one solver, in lines of at most `width` characters."""
     spec = solver.spec
     yield f"{spec.name} {seen.version}".rstrip()

@@ -128,7 +128,9 @@ def _last_lines(plan: RunPlan, counts: dict[str, int], table: pd.DataFrame) -> I
     yield f"results: {plan.results}"
 
 
-def _failures(plan: RunPlan, store: Store, assembly: Assembly, found: Sequence[Contradiction]) -> Iterator[str]:
+def _failures(
+    plan: RunPlan, store: Store, assembly: Assembly, contradictions: Sequence[Contradiction]
+) -> Iterator[str]:
     """Yield why a run failed: rows are missing, what was named could not be used, or as `fail_on` says."""
     from cpbench.analysis.contradictions import involving
 
@@ -142,6 +144,6 @@ def _failures(plan: RunPlan, store: Store, assembly: Assembly, found: Sequence[C
         yield f"named and not read: {some_of(named, ABSENT)}"
     listed = skipped.failures(store, plan, assembly.pairs)
     if CONTRADICTION in plan.fail_on:
-        listed += Counter({CONTRADICTION: len(involving(found, (pair.key for pair in assembly.pairs)))})
+        listed += Counter({CONTRADICTION: len(involving(contradictions, (pair.key for pair in assembly.pairs)))})
     if listed:
         yield f"{summary(listed)} (--fail-on)"

@@ -16,7 +16,7 @@ from cpbench import graph, storage
 from cpbench.analysis.contact_freedom import least_forces
 from cpbench.api.problems import verify
 from cpbench.api.solution import Solution
-from cpbench.api.solving import JUDGE, Way, solve_there, way_to
+from cpbench.api.solving import JUDGE, RoutedSolver, route_to_solver, solve_there
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.places import located
@@ -62,21 +62,21 @@ class SolveRequest:
     verbose: bool
 
 
-def reply(asked: SolveRequest, answered: Answered) -> dict[str, Any]:
+def reply(request: SolveRequest, answered: Answered) -> dict[str, Any]:
     """Write the answer where that is asked for; return what is to be printed of it, and whether it is `good`."""
-    written = asked.output is not None and answered.point is not None
-    if asked.output is not None and written:
-        answered.save(asked.output, force=asked.force)
-    lines = list(answered.lines(verbose=asked.verbose))
+    written = request.output is not None and answered.point is not None
+    if request.output is not None and written:
+        answered.save(request.output, force=request.force)
+    lines = list(answered.lines(verbose=request.verbose))
     return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
 
 
-def solve_alone(asked: SolveRequest) -> dict[str, Any]:
+def solve_alone(request: SolveRequest) -> dict[str, Any]:
     """Solve as asked, or list all solutions; return what `reply` does.
 
     Raises CpbenchError where there is nothing to solve.
     """
-    seconds, identity = asked.limits.seconds, {"problem": "", "node": "?", "solver": asked.solver}
+    seconds, identity = request.limits.seconds, {"problem": "", "node": "?", "solver": request.solver}
     around = REFEREE.limit(seconds)
     limits = {
         FIRST: START.limit(seconds) + around,
@@ -86,7 +86,7 @@ def solve_alone(asked: SolveRequest) -> dict[str, Any]:
     }
 
     try:
-        outcome = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, identity.update)
+        outcome = run_alone(lambda work: _safely(request, work), limits, request.limits.memory, identity.update)
     except Stopped as stopped:
         outcome = _stopped(stopped, seconds, limits)
     finally:
@@ -95,8 +95,8 @@ def solve_alone(asked: SolveRequest) -> dict[str, Any]:
         raise CpbenchError(outcome["refused"])
     if "status" not in outcome:
         return outcome
-    named = asked.address, identity["problem"], identity["node"], identity["solver"], asked.tolerance
-    return reply(asked, Answered(*named, Outcome(**outcome)))
+    named = request.address, identity["problem"], identity["node"], identity["solver"], request.tolerance
+    return reply(request, Answered(*named, Outcome(**outcome)))
 
 
 def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> dict[str, Any]:
@@ -109,20 +109,20 @@ def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> d
     return {"status": "error", "message": f"{stopped.phase}: not over after {limits[stopped.phase]:g} s"}
 
 
-def _safely(asked: SolveRequest, work: Work) -> dict[str, Any]:
+def _safely(request: SolveRequest, work: Work) -> dict[str, Any]:
     """Return the reply, or why there is none."""
     try:
-        if asked.output is not None:
-            require_new(asked.output, asked.force)
-        if not asked.every:
-            answered = _answered(asked, work)
+        if request.output is not None:
+            require_new(request.output, request.force)
+        if not request.every:
+            answered = _answered(request, work)
             work.begin(JUDGE)
-            return reply(asked, answered)
-        if asked.output is not None:
-            hook("require_rows")(asked.output)
+            return reply(request, answered)
+        if request.output is not None:
+            hook("require_rows")(request.output)
         work.begin(JUDGE)
         listed: dict[str, Any] = hook("reply_to")(
-            located(asked.address, builtin_folder), asked.format, asked.output, asked.force
+            located(request.address, builtin_folder), request.format, request.output, request.force
         )
         return listed
     except CpbenchError as refusal:
@@ -133,54 +133,58 @@ def _safely(asked: SolveRequest, work: Work) -> dict[str, Any]:
         return {"status": str(Status.ERROR), "message": f"{work.phase}: {type(error).__name__}: {error}"}
 
 
-def _answered(asked: SolveRequest, work: Work) -> Answered:
+def _answered(request: SolveRequest, work: Work) -> Answered:
     """Return what became of the solve, whatever that is; raises CpbenchError where there is nothing to solve."""
     begun = time.perf_counter()
-    address, outcome = located(asked.address, builtin_folder), Outcome()
-    policy = starts.one_start(asked.start)
-    problem = storage.load(address, format=asked.format)
+    address, outcome = located(request.address, builtin_folder), Outcome()
+    policy = starts.one_start(request.start)
+    problem = storage.load(address, format=request.format)
     outcome = replace(outcome, load=time.perf_counter() - begun)
     work.say(problem=problem.name, node=problem.node)
-    label = asked.solver
+    label = request.solver
     try:
-        way = _way(problem, asked)
-        label = way.name
+        routed = _routed(problem, request)
+        label = routed.name
         work.say(solver=label)
-        outcome = replace(outcome, route=way.label, kind=str(way.kind), convert=way.seconds)
-        outcome = replace(outcome, target_tolerance=graph.tolerance(way.problem, asked.tolerance, way.steps))
+        outcome = replace(outcome, route=routed.label, kind=str(routed.kind), convert=routed.seconds)
+        outcome = replace(outcome, target_tolerance=graph.tolerance(routed.problem, request.tolerance, routed.steps))
         point = None
         if policy.warm:
-            point, started = _start(policy, problem, way, address, asked.tolerance)
+            point, started = _start(policy, problem, routed, address, request.tolerance)
             outcome = replace(outcome, started=started)
         work.begin(WARMING)
-        way.solver.warmup()
-        solution, there = solve_there(problem, way, asked.tolerance, asked.limits.seconds, point, on_phase=work.begin)
+        routed.solver.warmup()
+        solution, there = solve_there(
+            problem, routed, request.tolerance, request.limits.seconds, point, on_phase=work.begin
+        )
     except (NotApplicable, Unavailable) as refusal:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
         refused = replace(outcome, status=str(status), message=str(refusal))
-        return Answered(asked.address, problem.name, problem.node, label, asked.tolerance, refused)
-    return _of(asked.address, solution, there, outcome)
+        return Answered(request.address, problem.name, problem.node, label, request.tolerance, refused)
+    return _of(request.address, solution, there, outcome)
 
 
-def _way(problem: Problem, asked: SolveRequest) -> Way:
+def _routed(problem: Problem, request: SolveRequest) -> RoutedSolver:
     """Bring the problem to the solver: by exact conversions, and where these do not lead there by all of them if that
     is asked for."""
     via: tuple[Conversion, ...] = ()
-    if asked.via:
-        via = plan.parse_request(plan.pinned(asked.via))[1]
+    if request.via:
+        via = plan.parse_request(plan.pinned(request.via))[1]
     try:
-        return way_to(problem, asked.solver, via)
+        return route_to_solver(problem, request.solver, via)
     except NoRoute:
-        if asked.routes != "all":
+        if request.routes != "all":
             raise
-    return way_to(problem, asked.solver, via, frozenset(Kind))
+    return route_to_solver(problem, request.solver, via, frozenset(Kind))
 
 
-def _start(policy: starts.StartPolicy, problem: Problem, way: Way, address: str, tolerance: float) -> tuple[Any, str]:
+def _start(
+    policy: starts.StartPolicy, problem: Problem, routed: RoutedSolver, address: str, tolerance: float
+) -> tuple[Any, str]:
     """Return the starting point on the solver's own problem, and its description; raises NotApplicable."""
-    if Trait.WARM_START not in way.solver.spec.traits:
-        raise NotApplicable(way.name, "takes no starting point, and a cold start is not what was asked for")
-    begin = starts.start(policy, problem, address, way.problem, way.steps)
+    if Trait.WARM_START not in routed.solver.spec.traits:
+        raise NotApplicable(routed.name, "takes no starting point, and a cold start is not what was asked for")
+    begin = starts.start(policy, problem, address, routed.problem, routed.steps)
     return begin.point, begin.description
 
 

@@ -66,8 +66,8 @@ def command(
         if all_measures or answer is not None:
             raise click.UsageError("--answer and --all-measures are for one answer to a PROBLEM, not for results")
         source = click.get_current_context().get_parameter_source("tolerance")
-        asked = tolerance if source and source.name != "DEFAULT" else None
-        if not rejudge_file(problem, measure, asked, lambda line: print_lines([line])):
+        wanted = tolerance if source and source.name != "DEFAULT" else None
+        if not rejudge_file(problem, measure, wanted, lambda line: print_lines([line])):
             sys.exit(1)
         return
     loaded = load(problem, format=file_format)

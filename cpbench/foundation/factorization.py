@@ -404,12 +404,12 @@ def _balanced(n: int, row: NDArray[Any], column: NDArray[Any], size: Vector) -> 
     scales = _even_diagonal(diagonal)
     if scales is not None and (size * scales[row] * scales[column]).max() <= 2.0:
         return scales, scales
-    found: list[tuple[float, tuple[Vector, Vector]]] = []
+    candidates: list[tuple[float, tuple[Vector, Vector]]] = []
     for first, second in ((row, column), (column, row)):
         one, _ = _scales_of(first, size, n)
         other, ratio = _scales_of(second, size * one[first], n)
-        found.append((ratio, (one, other) if first is row else (other, one)))
-    return max(found, key=lambda item: item[0])[
+        candidates.append((ratio, (one, other) if first is row else (other, one)))
+    return max(candidates, key=lambda item: item[0])[
         1
     ]  # what had only rows, or only columns, to scale leaves a ratio near 1
 

@@ -1,4 +1,4 @@
-"""The built-in problems: `problems/<node>/<collection>.h5` with known solutions, and a TOML sheet beside each."""
+"""The built-in problems: `problems/<node>/<collection>.h5` with known solutions, and a TOML table beside each."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ NAME, VERSION = "cpbench-collection", "2026.12"
 """Name of the collection; its version changes when problems are added, changed or removed."""
 PROOFS = "proofs.toml"
 """File, among the built-in problems, of what is proved of them; `benchmarks/certified.py --save` writes it."""
-TIER_SHEETS = "tiers"
-"""Folder, among the built-in problems, of the sheets of problems that are not shipped."""
+TIER_FOLDER = "tiers"
+"""Folder, among the built-in problems, of the tables of problems that are not shipped."""
 
 
 def builtin_folder() -> Path:
@@ -105,7 +105,7 @@ def identity(entries: Sequence[ListedProblem]) -> Identity:
 
 
 def catalogue(folder: Path | None = None) -> list[ListedProblem]:
-    """Return the entries of all tiers, from the sheets in the folder of the built-in problems.
+    """Return the entries of all tiers, from the tables in the folder of the built-in problems.
 
     Those of the standard and the large tier are in its `tiers`, without their files. Raises CpbenchError where no
     problems are installed.
@@ -114,15 +114,15 @@ def catalogue(folder: Path | None = None) -> list[ListedProblem]:
     proved = root / PROOFS
     proofs = tomllib.loads(proved.read_text("utf-8")) if proved.exists() else {}
     problems: list[ListedProblem] = []
-    for tier, sheets in ((SMALL, root), *((tier, root / TIER_SHEETS / tier) for tier in TIERS if tier != SMALL)):
-        for sheet in sorted(sheets.glob("*/*.toml")):
+    for tier, parent in ((SMALL, root), *((tier, root / TIER_FOLDER / tier) for tier in TIERS if tier != SMALL)):
+        for table in sorted(parent.glob("*/*.toml")):
             start = "builtin" if tier == SMALL else tier
-            problems += _entries(sheet, tier, f"{start}/{sheet.parent.name}/{sheet.stem}.h5", proofs)
+            problems += _entries(table, tier, f"{start}/{table.parent.name}/{table.stem}.h5", proofs)
     return problems
 
 
-def _entries(sheet: Path, tier: str, address: str, proofs: Mapping[str, str]) -> Iterator[ListedProblem]:
-    described = tomllib.loads(sheet.read_text("utf-8"))
+def _entries(table: Path, tier: str, address: str, proofs: Mapping[str, str]) -> Iterator[ListedProblem]:
+    described = tomllib.loads(table.read_text("utf-8"))
     problems = described["problem"]
     for problem in problems:
         yield ListedProblem(
@@ -159,12 +159,12 @@ def write_collections(folder: str | Path, names: Sequence[str] = (), tier: str =
             compress=False,
         )
         yield pack
-        sheet = pack.with_suffix(".toml")
-        sheet.write_text(_sheet(collection, instances), encoding="utf-8")
-        yield sheet
+        table = pack.with_suffix(".toml")
+        table.write_text(_as_toml(collection, instances), encoding="utf-8")
+        yield table
 
 
-def _sheet(collection: Collection, instances: list[Instance]) -> str:
+def _as_toml(collection: Collection, instances: list[Instance]) -> str:
     """Describe a collection, with a table for each instance: sizes, fingerprint, known solution, properties."""
     first = instances[0].problem.info
     lines = [

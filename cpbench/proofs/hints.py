@@ -78,14 +78,14 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
     Q: Any = column[:, None] * matrices.sparse(goal.Q).toarray() * column
     level = sl.null_space(matrices.sparse(S.E).toarray()) if S.f.size else np.eye(n)
     values, vectors = np.linalg.eigh(level.T @ (Q + Q.T) @ level)
-    found = [v / np.abs(v).max() for v in (level @ vectors[:, (values < 0.0) & (np.arange(values.size) < CURVED)]).T]
+    curved = [v / np.abs(v).max() for v in (level @ vectors[:, (values < 0.0) & (np.arange(values.size) < CURVED)]).T]
     unit, still = sp.eye_array(n, format="csr"), sp.csr_array((rows.size, n))
     sides: Any = sp.block_array([[unit, -unit], [-unit, -unit], [-matrices.sparse(S.G)[rows], still]], format="csr")
     equal = sp.hstack([S.E, sp.csr_array((S.f.size, n))], format="csr")
     cone = np.stack([np.maximum(S.recession.lb, -1.0), np.minimum(S.recession.ub, 1.0)], axis=1)
     bounds = np.vstack([cone, np.full((n, 2), (0.0, np.inf))])
     cost = np.concatenate([np.zeros(n), np.ones(n)])
-    for v in chain.from_iterable((v, -v) for v in found):
+    for v in chain.from_iterable((v, -v) for v in curved):
         limits = np.concatenate([v, -v, np.zeros(rows.size)])
         nearest = _least(cost, sides, limits, equal, np.zeros(S.f.size), bounds, deadline)
         if nearest is not None and nearest[:n] @ Q @ nearest[:n] < 0.0:

@@ -48,7 +48,7 @@ class SelectedRows:
 
     Attributes
     ----------
-    kinds : route kind of each label. looks : of every label of the file, whatever is shown (`analysis.looks`).
+    kinds : route kind of each label. line_styles : of every label of the file, whatever is shown.
     """
 
     rows: pd.DataFrame
@@ -56,7 +56,7 @@ class SelectedRows:
     node: str
     tolerance: float
     problems: int
-    looks: Mapping[str, int]
+    line_styles: Mapping[str, int]
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -117,7 +117,7 @@ def choose(run: Run, choice: Choice) -> SelectedRows:
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
-    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, problems, run.looks)
+    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, problems, run.line_styles)
 
 
 def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:

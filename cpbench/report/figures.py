@@ -1,4 +1,4 @@
-"""Curves of solvers in figures of runs: their looks, their legend, and the axes that they share."""
+"""Curves of solvers in figures of runs: their styles, their legend, and the axes that they share."""
 
 from __future__ import annotations
 
@@ -48,29 +48,29 @@ TICKS = ((100, (1,)), (8, (1, 2, 5)), (3, (1, 2, 3, 4, 6, 8)), (0, range(1, 10))
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve and its line in the legend: the number in front of its label, the corners, the `place` of its look (None:
+    """A curve and its line in the legend: the number in front of its label, the corners, the `style` of its line (None:
     grey), and whether it is dashed."""
 
     label: str
     number: str
     x: Any
     y: Any
-    place: int | None
+    style: int | None
     dashed: bool = False
 
 
-def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
-    """Return how a curve is drawn: colour and marker of its place (`analysis.looks`), grey and thin without one."""
+def line_style(style: int | None, dashed: bool = False) -> dict[str, Any]:
+    """Return how a curve is drawn: colour and marker by its style (`analysis.line_styles`), grey and thin without."""
     dashes = DASHES if dashed else "-"
-    if place is None:
+    if style is None:
         return {"color": GREY, "linewidth": 0.9, "linestyle": dashes}
-    marker = MARKERS[(place + place // len(PALETTE)) % len(MARKERS)]
-    return {"color": colour(place), "linewidth": 1.7, "linestyle": dashes, "marker": marker, "markersize": 4.2}
+    marker = MARKERS[(style + style // len(PALETTE)) % len(MARKERS)]
+    return {"color": colour(style), "linewidth": 1.7, "linestyle": dashes, "marker": marker, "markersize": 4.2}
 
 
-def colour(place: int) -> str:
-    """Return the colour of a look."""
-    return PALETTE[place % len(PALETTE)]
+def colour(style: int) -> str:
+    """Return the colour of a style."""
+    return PALETTE[style % len(PALETTE)]
 
 
 def with_room(curves: int, notes: int = 3) -> tuple[Figure, Axes]:
@@ -81,15 +81,15 @@ def with_room(curves: int, notes: int = 3) -> tuple[Figure, Axes]:
 
 
 def draw_lines(axes: Axes, lines: Sequence[Line], steps: bool = True, **coloured: Any) -> None:
-    """Draw curves, the first in front; those in colour have their words for a legend. `coloured` : of their looks."""
+    """Draw curves, the first in front; those in colour have their words for a legend. `coloured` : of their lines."""
     wide = max((len(line.number) for line in lines), default=0)
     for k, line in enumerate(lines):
-        style, layer = look(line.place, line.dashed), 2.0
-        if line.place is not None:
-            style |= {"markevery": (0, max(1, len(line.x) // 6)), "label": _words(line, wide)} | coloured
+        drawn, layer = line_style(line.style, line.dashed), 2.0
+        if line.style is not None:
+            drawn |= {"markevery": (0, max(1, len(line.x) // 6)), "label": _words(line, wide)} | coloured
             layer = 5.0 if line.dashed else 4.0  # between its dashes, what lies under it shows
         how = "steps-post" if steps else "default"
-        axes.plot(line.x, line.y, drawstyle=how, **style, zorder=layer - k / len(lines))
+        axes.plot(line.x, line.y, drawstyle=how, **drawn, zorder=layer - k / len(lines))
 
 
 def _words(line: Line, wide: int) -> str:
@@ -100,7 +100,7 @@ def legend_beside(axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[
     """Name the curves right of the axes, for which the layout makes room; LINES of them, those in colour first."""
     from matplotlib.lines import Line2D
 
-    grey = [line.label for line in lines if line.place is None]
+    grey = [line.label for line in lines if line.style is None]
     unnamed = grey[max(0, LINES - len(lines) + len(grey)) :]
     named = [line for line in lines if line.label not in unnamed]
     texts = [f"and {len(unnamed)} more in grey"] if unnamed else []
@@ -108,9 +108,9 @@ def legend_beside(axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[
         texts += textwrap.wrap(note, 40)
     wide = max((len(line.number) for line in named), default=0)
     axes.legend(
-        [*(Line2D([], [], **look(line.place, line.dashed)) for line in named), *[Line2D([], [], ls="")] * len(texts)],
+        [Line2D([], [], **line_style(one.style, one.dashed)) for one in named] + [Line2D([], [], ls="")] * len(texts),
         [*(_words(line, wide) for line in named), *texts],
-        labelcolor=[*(DIM if line.place is None else "#111111" for line in named), *[DIM] * len(texts)],
+        labelcolor=[*(DIM if line.style is None else "#111111" for line in named), *[DIM] * len(texts)],
         loc="upper left", bbox_to_anchor=(1.0, 1.0), title=head, title_fontsize=7.8, fontsize=8, alignment="left",
     )  # fmt: skip
 
@@ -119,25 +119,25 @@ def profile_lines(
     profile: Profile,
     curves: Sequence[Curve],
     coloured: Sequence[str],
-    looks: Mapping[str, int],
+    styles: Mapping[str, int],
     kinds: Mapping[str, str],
 ) -> list[Line]:
-    """Return the curves of a profile that solved something, those `coloured` with their looks."""
+    """Return the curves of a profile that solved something, those `coloured` with their styles."""
     lines: list[Line] = []
     for curve in curves:
         if curve.solved:
-            place = looks[curve.label] if curve.label in coloured else None
-            tau, height = curve.outline(right_end(profile), GREY_POINTS if place is None else POINTS)
+            style = styles[curve.label] if curve.label in coloured else None
+            tau, height = curve.outline(right_end(profile), GREY_POINTS if style is None else POINTS)
             dashed = kinds.get(curve.label, "") in INEXACT
-            lines.append(Line(marked(curve.label, kinds), str(curve.solved), tau, height, place, dashed))
+            lines.append(Line(marked(curve.label, kinds), str(curve.solved), tau, height, style, dashed))
     return lines
 
 
 def profile_axes(
-    axes: Axes, profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int], across: str = "τ"
+    axes: Axes, profile: Profile, kinds: Mapping[str, str], styles: Mapping[str, int], across: str = "τ"
 ) -> None:
     """Draw a profile with its legend beside it, the leading curves in colour. `across` : label of the axis of τ."""
-    lines = profile_lines(profile, profile.by_height(), profile.leading(EMPHASISED), looks, kinds)
+    lines = profile_lines(profile, profile.by_height(), profile.leading(EMPHASISED), styles, kinds)
     draw_lines(axes, lines, clip_on=False)
     profile_scales(axes, profile, 12)
     axes.set_xlabel(across)

@@ -48,7 +48,7 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
             left, below = LEFT + (k % across) * (wide + GAP), (down - 1 - k // across) * HIGH + NAMES
             axes = figure.add_axes((left / WIDTH, below / down / HIGH, wide / WIDTH, high / down / HIGH))
             kinds = rows_of.label_kinds(rows_across[ranking.group])
-            _panel(axes, ranking, run.compared[ranking.group].profile, kinds, run.looks)
+            _panel(axes, ranking, run.compared[ranking.group].profile, kinds, run.line_styles)
     canvas.write(Drawing(figure, "", ""), run.folder / NAME, bare=True)
     left_out = ""
     if len(panels) < len(rankings):
@@ -69,12 +69,12 @@ def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
     return [r for r in rankings if r in most]
 
 
-def _panel(axes: Axes, ranking: Ranking, profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]) -> None:
-    """Draw the curves, and below them a line a named solver, the best first: its look, what it solved, its name."""
+def _panel(axes: Axes, ranking: Ranking, profile: Profile, kinds: Mapping[str, str], styles: Mapping[str, int]) -> None:
+    """Draw the curves, and below them a line a named solver, the best first: its style, what it solved, its name."""
     ranks = {row.solver: k for k, row in enumerate(ranking.rows)}
     named = profile.leading(NAMED)
     curves = sorted(profile.curves, key=lambda curve: ranks.get(curve.label, len(ranks)))
-    lines = figures.profile_lines(profile, curves, named, looks, kinds)
+    lines = figures.profile_lines(profile, curves, named, styles, kinds)
     figures.draw_lines(axes, lines, clip_on=False, linewidth=1.4, markersize=3)
     figures.profile_scales(axes, profile, 6)
     axes.set_ylim(-TIGHT, 1.0 + TIGHT)

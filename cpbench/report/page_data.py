@@ -220,7 +220,7 @@ def _sizes(text: str) -> dict[str, float]:
 def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, list[Any]]:
     return {
         "name": [one_line(label) for label in labels],
-        "look": [run.looks[label] for label in labels],
+        "style": [run.line_styles[label] for label in labels],
     }
 
 

@@ -16,7 +16,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.contradictions import Contradiction
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
-from cpbench.analysis.looks import looks
+from cpbench.analysis.line_styles import line_styles
 from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.profiles import Profile, performance_profile
 from cpbench.analysis.ranking import Ranking, formulation, rankings
@@ -61,7 +61,7 @@ class Run:
     `parted`: the rows before several starts of a problem were made cases of one formulation (`analysis.starts`).
     `whole`: all rows of the file, where these are they: what is computed of them is taken from there.
     `waiting`: pairs of problems of which no pair has run yet. They are in no table: they are not failures.
-    `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
+    `line_styles`: that of each label in every figure, from all rows of the file.
     """
 
     rows: pd.DataFrame
@@ -72,7 +72,7 @@ class Run:
     origins: Mapping[str, ProblemOrigin] = field(default_factory=dict[str, ProblemOrigin])
     has_csv: bool = True
     count_stationary: bool = False
-    looks: Mapping[str, int] = field(default_factory=dict)
+    line_styles: Mapping[str, int] = field(default_factory=dict)
     parted: pd.DataFrame | None = None
     whole: RunTable | None = None
     waiting: int = 0
@@ -189,7 +189,7 @@ def assembled(
     begun = rows["fingerprint"].isin(rows.loc[rows["status"] != str(Status.NOT_RUN), "fingerprint"])
     waiting = int((~begun).sum()) if begun.any() else 0
     rows = rows[begun].reset_index(drop=True) if waiting else rows
-    run = Run(rows, given.meta, folder, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
+    run = Run(rows, given.meta, folder, has_csv=has_csv, line_styles=line_styles(rows, len(PALETTE)))
     run = replace(run, origins=origins or {}, waiting=waiting)
     if histories is not None:
         run = replace(run, histories=histories)
@@ -201,10 +201,10 @@ def assembled(
 
 
 def _publishable(run: Run) -> Run:
-    """Return the run without the solvers whose figures must not be published: neither their rows nor their sheets."""
-    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    left_out = restricted(run.rows, sheets)
-    kept = {label: sheet for label, sheet in sheets.items() if sheet.get("name") not in left_out}
+    """Return the run without the solvers whose figures must not be published: neither their rows nor their metadata."""
+    metadata: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
+    left_out = restricted(run.rows, metadata)
+    kept = {label: one for label, one in metadata.items() if one.get("name") not in left_out}
     rows = without(run.rows, left_out)
     return replace(run, rows=rows, meta={**run.meta, "solvers": kept}, left_out=left_out)
 

@@ -281,17 +281,17 @@ def _refused(run: Run) -> Table:
 
 def _solvers(run: Run) -> Table:
     """Return versions, licences, methods and citations of the solvers that are here."""
-    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
+    metadata: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     here = run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), ["solver", "version"]]
     used = here.groupby("solver")["version"].agg(lambda versions: ", ".join(sorted(set(versions) - {""})))
     forms = {"solver": "code", "solves": "text", "version": "text", "licence": "text",
              "restriction on publishing": "text", "method and source": "text"}  # fmt: skip
-    by_name = {str(sheet.get("name", "")): sheet for _, sheet in sorted(sheets.items())}
+    by_name = {str(one.get("name", "")): one for _, one in sorted(metadata.items())}
     lines = (
-        [name, sheet.get("node", ""), used[name] or sheet.get("version", ""), sheet.get("licence", ""),
-         sheet.get("publishing", "") or "",
-         ". ".join(filter(None, (sheet.get("summary", ""), sheet.get("citation", ""))))]
-        for name, sheet in sorted(by_name.items())
+        [name, one.get("node", ""), used[name] or one.get("version", ""), one.get("licence", ""),
+         one.get("publishing", "") or "",
+         ". ".join(filter(None, (one.get("summary", ""), one.get("citation", ""))))]
+        for name, one in sorted(by_name.items())
         if name in used.index
     )  # fmt: skip
     return Table.of(forms, lines)

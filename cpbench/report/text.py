@@ -105,8 +105,8 @@ def listed_plainly(labels: Sequence[str], most: int = 4) -> str:
     return some_of([one_line(label) for label in labels], most)
 
 
-def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
-    """Return the command that runs one row of a table again; `sheet` names the source of a declared solver.
+def solve_command(row: Any, metadata: Mapping[str, Any] | None = None) -> str:
+    """Return the command that runs one row of a table again; `metadata` names the source of a declared solver.
 
     >>> solve_command({"address": "a b.h5", "label": "lemke@inner8", "solver": "lemke", "request": "inner8",
     ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
@@ -114,7 +114,7 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     """
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
-    source = sheet or {}
+    source = metadata or {}
     words = ["cpbench", "solve", one_line(row["address"]), "-s", one_line(solver), *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):

@@ -45,7 +45,7 @@ def no_looser(settings: Mapping[str, float], defaults: Mapping[str, float]) -> d
 
 
 def second_tolerance(
-    translate: Callable[[float], Stopping | None], asked: float, claim: str, error: float | None
+    translate: Callable[[float], Stopping | None], tolerance: float, claim: str, error: float | None
 ) -> float | None:
     """Return the tolerance for which a solver is asked once more, whose answer was claimed to be solved and is not: a
     hundredth of the tolerance, over the factor by which the answer missed it, and not below LEAST.
@@ -55,16 +55,16 @@ def second_tolerance(
 
     Parameters
     ----------
-    translate : `Solver.stopping`. asked : the tolerance of the first answer. error : of that answer, > asked.
+    translate : `Solver.stopping`. tolerance, error : of the first answer; the error is the larger.
 
     >>> package = lambda tolerance: Stopping(test="max|F|", settings={"abstol": 0.1 * tolerance})
     >>> second_tolerance(package, 1e-6, "solved", 5e-3)
     2e-12
     """
-    first = translate(asked)
-    if first is None or claim != "solved" or error is None or not asked < error < math.inf:
+    first = translate(tolerance)
+    if first is None or claim != "solved" or error is None or not tolerance < error < math.inf:
         return None
-    smaller = max(MARGIN * asked * asked / error, LEAST)
+    smaller = max(MARGIN * tolerance * tolerance / error, LEAST)
     second = translate(smaller)
     return smaller if second is not None and second.settings != first.settings else None
 

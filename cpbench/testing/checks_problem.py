@@ -108,8 +108,8 @@ def check_files_keep_them(collection: Collection, cases: list[Case]) -> None:
     """Check that, written as `cpbench collection generate` does, they are read again with the same numbers, and so is
     what is known."""
     with tempfile.TemporaryDirectory() as folder:
-        pack, sheet = write_collections(Path(folder), [collection.name])
-        tomllib.loads(sheet.read_text(encoding="utf-8"))
+        pack, table = write_collections(Path(folder), [collection.name])
+        tomllib.loads(table.read_text(encoding="utf-8"))
         for instance in collection.instances():
             place = f"{pack}::{instance.name}"
             same = storage.load(place).fingerprint == instance.problem.fingerprint

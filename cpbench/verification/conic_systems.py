@@ -202,9 +202,9 @@ def _with_rows(
         elif straight and first == n:
             program[:] = matrices.is_symmetric(slope)
         bare = not straight and P.node in ("ncp", "micp", "equation")
-        found, sizes = caps(P.F, z, force, slope) if bare else None, block_sizes(matrix, whole)
+        vanishing_caps, sizes = caps(P.F, z, force, slope) if bare else None, block_sizes(matrix, whole)
         return Frame(
-            terms=sizes if found is not None else term_sizes(sizes),  # caps are of all entries
+            terms=sizes if vanishing_caps is not None else term_sizes(sizes),  # caps are of all entries
             constants=np.concatenate([_norms(constant, block), beside]),
             sets=Sets.of((n, *own[:2]), *((row.value.size, row.lower, np.inf) for row in rows), cones=own[2]),
             signed=np.concatenate([constant, constants]),
@@ -214,7 +214,7 @@ def _with_rows(
             certifying=prices is not None,
             by=None if by is None else sp.block_array([[by[0], by[1].T], [by[1], None]]) if m else by[0],
             linear=straight or prices is not None,
-            caps=found,
+            caps=vanishing_caps,
         )
 
     made = kept(P, frame) if straight else frame()

@@ -142,26 +142,26 @@ def distances(system: System, layout: Layout, sizes: AnswerSizes) -> Vector:
         by_bound = np.maximum(x_unit, by_own_terms(beyond, x_unit))
     # unknowns that cancel may be as large as one likes, and hide by that no more than √ε of the data
     by_data = layout.D * of.spread(np.where(sizes.absolute, 0.0, inverse(sizes.reach)))
-    found = system.distances(by_bound, by_terms)
+    distance = system.distances(by_bound, by_terms)
     grown = system.distances(np.zeros_like(x_unit), np.where(z, 0.0, by_data))
     if not layout.program.all():  # without an objective that is right, a pair of two small numbers is off by the lesser
         program = of.spread(layout.program)
-        found = np.where(program, found, system.defect(by_bound, by_terms))
+        distance = np.where(program, distance, system.defect(by_bound, by_terms))
         grown = np.where(program, grown, system.defect(x_unit, by_data))
     if system.also is not None:
         value, at = system.also
         off = np.abs(value) * f_unit[at]  # the force of a bound has the digits of its own size
-        np.maximum.at(found, np.arange(frame.k)[at], off / np.maximum(1.0, frame.norms(system.f)[at] * f_unit[at]))
-    found = np.maximum(found, np.minimum(grown, 1.0) ** 2)
+        np.maximum.at(distance, np.arange(frame.k)[at], off / np.maximum(1.0, frame.norms(system.f)[at] * f_unit[at]))
+    distance = np.maximum(distance, np.minimum(grown, 1.0) ** 2)
     free = layout.curved & layout.program & (sizes.prices == 0)
     if not free.any():
-        return found
+        return distance
     # without prices a gradient whose terms are all below ε of what sides make of it is 0
     gradient = of.largest(np.where(z, sizes.f * layout.D, 0.0))
     share = np.divide(gradient, sizes.sides, out=np.ones_like(gradient), where=gradient < sizes.sides)
     primal = system.distances(np.where(z, by_bound, 0.0), np.where(z, 0.0, by_terms))
     primal = np.maximum(primal, np.minimum(grown, 1.0) ** 2)
-    return np.where(of.spread(free), np.maximum(primal, np.minimum(found, of.spread(share))), found)
+    return np.where(of.spread(free), np.maximum(primal, np.minimum(distance, of.spread(share))), distance)
 
 
 def by_own_terms(terms: Vector, unit: Vector) -> Vector:

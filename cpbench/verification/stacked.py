@@ -96,14 +96,14 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any], tolerance: flo
         answer = ROWS[problem.node](problem, point)
         if isinstance(answer, ContactAnswer):
             own = Groups(np.repeat(np.arange(count), problem.nc // count), count, problem.nc)
-            found = contact_error(answer, own)
-            error, floor = own.largest(found.errors), own.largest(found.floors)
+            errors = contact_error(answer, own)
+            error, floor = own.largest(errors.errors), own.largest(errors.floors)
         else:
             if not answer.frame.k:
                 return np.where(finite, 0.0, np.inf), np.zeros(count, dtype=bool)
-            found = linear_error(answer, Groups(_owners(answer, answers), count, answer.frame.k))
-            error, floor = found.errors, found.floors
-    hidden = found.hidden(error, floor, tolerance) | found.ill_posed
+            errors = linear_error(answer, Groups(_owners(answer, answers), count, answer.frame.k))
+            error, floor = errors.errors, errors.floors
+    hidden = errors.hidden(error, floor, tolerance) | errors.ill_posed
     return np.where(finite & np.isfinite(error), error, np.inf), finite & hidden
 
 

@@ -89,14 +89,14 @@ class _Problems:
 
 def _of_answers(store: Store, rows: pd.DataFrame, problems: _Problems) -> Iterator[Contradiction]:
     """Yield what kept answers contradict; a problem is read only where answers differ, or verdicts on the same."""
-    sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
+    metadata: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
     found = _compared(rows).sort_values("fingerprint", kind="stable")
     chosen = found[
         ["fingerprint", "node", "problem", "address", "key", "label", "status", "error", "tolerance", "parts"]
     ]
     for fingerprint, group in itertools.groupby(chosen.itertuples(index=False), key=lambda row: row.fingerprint):
         own = list(group)
-        answers = list(_answers(store, own, sheets))
+        answers = list(_answers(store, own, metadata))
         if not suspicious(own[0].node, answers):
             continue
         problem = problems.get(own[0].address, fingerprint)
@@ -116,11 +116,11 @@ def _compared(table: pd.DataFrame) -> pd.DataFrame:
     return rows[(groups.transform("size") > 1) & (rejected | rows["node"].isin(known))]
 
 
-def _answers(store: Store, own: Sequence[Any], sheets: Mapping[str, Mapping[str, Any]]) -> Iterator[KeptAnswer]:
+def _answers(store: Store, own: Sequence[Any], metadata: Mapping[str, Mapping[str, Any]]) -> Iterator[KeptAnswer]:
     for row in own:
         blob = store.ending(row.key)[1]
         if blob is not None:
-            method = str(sheets.get(row.label, {}).get("method", ""))
+            method = str(metadata.get(row.label, {}).get("method", ""))
             objective = json.loads(row.parts or "{}").get("objective")
             vector = unpack_answer(blob)
             yield KeptAnswer(row.key, row.label, row.status, row.error, row.tolerance, method, vector, objective)

@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 
 from cpbench import graph, storage
 from cpbench.api.solution import Solution
-from cpbench.api.solving import solve_there, way_to
+from cpbench.api.solving import route_to_solver, solve_there
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.base import Contacts, Info, Point, Problem
 from cpbench.formulations.contact import FCPoint
@@ -72,19 +72,21 @@ class Simulation:
         return sum(not solution for solution in self.solutions if solution is not None)
 
     def _solve(self, problem: ContactProblem) -> Any:
-        way = way_to(problem, self.solver)
+        routed = route_to_solver(problem, self.solver)
         if self._last is None:
-            warm_up(way.solver)
+            warm_up(routed.solver)
         start = None
-        if self._last is not None and Trait.WARM_START in way.solver.spec.traits:
-            start = graph.push(way.problem, transfer(*self._last, problem).point, way.steps)
+        if self._last is not None and Trait.WARM_START in routed.solver.spec.traits:
+            start = graph.push(routed.problem, transfer(*self._last, problem).point, routed.steps)
         self._libraries = self._libraries or ThreadpoolController()
         # no time limit, and one thread: neither a busy machine nor another number of threads may make another motion
         with self._libraries.limit(limits=1):
-            solution, _ = solve_there(problem, way, self.tolerance, math.inf, start)
+            solution, _ = solve_there(problem, routed, self.tolerance, math.inf, start)
         point = solution.point
         if point is None or not point.finite:
-            why = f"{way.name} gave no answer ({solution.status}{': ' if solution.message else ''}{solution.message})"
+            why = (
+                f"{routed.name} gave no answer ({solution.status}{': ' if solution.message else ''}{solution.message})"
+            )
             raise NotSolved(f"{self.scene.name}: step {len(self.steps)}: {why}; try another --solver")
         self._last = problem.contacts, point
         self.solutions.append(solution)

@@ -174,7 +174,7 @@ def suite(problems: int = 45, labels: int = 20, seed: int = 1) -> pd.DataFrame:
     return table(*rows)
 
 
-def looks_of(labels: Iterable[str]) -> dict[str, int]:
+def line_styles_of(labels: Iterable[str]) -> dict[str, int]:
     """Looks by the order of the names, for figures that are made without a run."""
     return {label: k for k, label in enumerate(sorted(set(labels)))}
 

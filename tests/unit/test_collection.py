@@ -20,7 +20,7 @@ from cpbench.cli import cli
 from cpbench.formulations import LCP
 from cpbench.generators import generators
 from cpbench.generators.base import LARGE, SMALL, STANDARD
-from cpbench.generators.collection import PROOFS, TIER_SHEETS, builtin_folder, catalogue, identity, write_collections
+from cpbench.generators.collection import PROOFS, TIER_FOLDER, builtin_folder, catalogue, identity, write_collections
 from cpbench.generators.descriptions import entries, pattern_of
 
 ENTRIES = catalogue()
@@ -90,7 +90,7 @@ def test_what_is_proved_is_of_problems_of_the_collection_and_agrees_with_what_is
 def test_a_collection_of_the_standard_tier_is_as_published(tmp_path: Path) -> None:
     name = "nash-cournot-large"
     pack, sheet = write_collections(tmp_path, [name])
-    assert sheet.read_bytes() == (builtin_folder() / TIER_SHEETS / STANDARD / "ncp" / sheet.name).read_bytes()
+    assert sheet.read_bytes() == (builtin_folder() / TIER_FOLDER / STANDARD / "ncp" / sheet.name).read_bytes()
     assert storage.load(f"{pack}::nash-cournot-500").info.licence == "CC0-1.0"
 
 

@@ -43,11 +43,11 @@ def lines(drawn: Drawing, axes: int = 0) -> list[Any]:
     return list(drawn.figure.axes[axes].lines)
 
 
-def of_colour(drawn: Drawing, place: int, axes: int = 0) -> Any:
-    """The data of the curve with a look."""
-    look = figures.look(place)
+def of_colour(drawn: Drawing, style: int, axes: int = 0) -> Any:
+    """The data of the curve with a style."""
+    form = figures.line_style(style)
     (found,) = [
-        line for line in lines(drawn, axes) if (line.get_color(), line.get_marker()) == (look["color"], look["marker"])
+        line for line in lines(drawn, axes) if (line.get_color(), line.get_marker()) == (form["color"], form["marker"])
     ]
     return np.asarray(found.get_xdata(), dtype=float), np.asarray(found.get_ydata(), dtype=float)
 
@@ -60,7 +60,7 @@ def test_profile_draws_the_curves_of_the_analysis() -> None:
     curves = {curve.label: curve for curve in profile.curves}
     for label in profile.leading(3):
         tau, height = curves[label].steps(upto)
-        assert np.array_equal(of_colour(drawn, run_of(SUITE).looks[label]), (tau, height))
+        assert np.array_equal(of_colour(drawn, run_of(SUITE).line_styles[label]), (tau, height))
 
 
 def test_hidden_solvers_do_not_count_for_the_ratios_but_n_stays() -> None:
@@ -71,7 +71,7 @@ def test_hidden_solvers_do_not_count_for_the_ratios_but_n_stays() -> None:
     apart = profiles.performance_profile(times[others], 20)
     upto = figures.right_end(apart)
     first = {c.label: c for c in apart.curves}[apart.leading(1)[0]]
-    assert np.array_equal(of_colour(drawn, run_of(SUITE).looks[first.label]), first.steps(upto))
+    assert np.array_equal(of_colour(drawn, run_of(SUITE).line_styles[first.label]), first.steps(upto))
     assert "N = 20 problems of lcp" in drawn.guide
 
 
@@ -79,12 +79,12 @@ def test_a_solver_has_one_look_in_all_figures_whatever_is_shown() -> None:
     """The curve of a solver that is not the first of all is drawn alike beside all others, beside one, and alone."""
     run = run_of(SUITE)
     label = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(3)[2]
-    other = next(name for name in run.looks if name != label)
+    other = next(name for name in run.line_styles if name != label)
     for chosen in ((), (label, other), (label,)):
-        of_colour(draw("profile", run, Choice(solvers=chosen)), run.looks[label])
-    assert len(set(run.looks.values())) == len(run.looks)
+        of_colour(draw("profile", run, Choice(solvers=chosen)), run.line_styles[label])
+    assert len(set(run.line_styles.values())) == len(run.line_styles)
     leading = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(figures.EMPHASISED)
-    assert len({figures.colour(run.looks[name]) for name in leading}) == len(leading)
+    assert len({figures.colour(run.line_styles[name]) for name in leading}) == len(leading)
 
 
 def recorded() -> tuple[pd.DataFrame, pd.DataFrame]:

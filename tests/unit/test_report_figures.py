@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
-from synthetic_results import looks_of, results_file, suite
+from synthetic_results import line_styles_of, results_file, suite
 from tiers import some_by_day
 
 from cpbench.analysis import table as rows_of
@@ -39,8 +39,8 @@ def profile_of(problems: int, labels: int) -> tuple[Profile, dict[str, str]]:
     return performance_profile(rows_of.times(rows)), rows_of.label_kinds(rows)
 
 
-def looks(profile: Profile) -> dict[str, int]:
-    return looks_of(curve.label for curve in profile.curves)
+def line_styles(profile: Profile) -> dict[str, int]:
+    return line_styles_of(curve.label for curve in profile.curves)
 
 
 def texts(figure) -> list[str]:
@@ -51,7 +51,7 @@ def texts(figure) -> list[str]:
 
 def drawn(profile: Profile, kinds: Mapping[str, str]) -> Figure:
     figure, axes = figures.with_room(len(profile.curves))
-    figures.profile_axes(axes, profile, kinds, looks(profile))
+    figures.profile_axes(axes, profile, kinds, line_styles(profile))
     return figure
 
 

@@ -24,18 +24,20 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
 
 
-def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
+def on_pairs(judged: pd.DataFrame, matched: Matched, idle: int) -> list[str]:
     """Note what was not compared, and why; `idle` pairs were started on neither side."""
     notes: list[str] = []
-    if len(found.only_base) or len(found.only_new):
-        notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
-    if len(found.twice):
-        notes.append(f"{len(found.twice)} rows could not be told apart, and were not compared")
-    if found.changed:
+    if len(matched.only_base) or len(matched.only_new):
         notes.append(
-            f"{len(found.changed)} problems are others under their old names, and were not compared: "
-            + ", ".join(found.changed[:5])
-            + (", …" if len(found.changed) > 5 else "")
+            f"{len(matched.only_base)} rows are in the base only, {len(matched.only_new)} in the new results only"
+        )
+    if len(matched.twice):
+        notes.append(f"{len(matched.twice)} rows could not be told apart, and were not compared")
+    if matched.changed:
+        notes.append(
+            f"{len(matched.changed)} problems are others under their old names, and were not compared: "
+            + ", ".join(matched.changed[:5])
+            + (", …" if len(matched.changed) > 5 else "")
         )
     if idle:
         notes.append(f"{idle} pairs were started on neither side")

@@ -101,15 +101,15 @@ def _ranges(pairs: pd.DataFrame, chosen: np.ndarray) -> tuple[Floats, Floats, Fl
     return ratio, low, high
 
 
-def _reasons(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
+def _reasons(judged: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
     """Describe the times of each comparable pair in words."""
-    why = np.full(len(found), UNDECIDED, dtype=object)
-    comparable = found["comparable"].to_numpy()
+    why = np.full(len(judged), UNDECIDED, dtype=object)
+    comparable = judged["comparable"].to_numpy()
     moment = f", of one moment: one pair decides beyond {noise.strays:.3g}, with the processor's time"
-    columns = [found[name].to_numpy()[comparable].tolist() for name in ("ratio", "low", "high", "significant")]
+    columns = [judged[name].to_numpy()[comparable].tolist() for name in ("ratio", "low", "high", "significant")]
     texts: list[str] = []
     for ratio, low, high, significant, decides in zip(*columns, decisive[comparable].tolist(), strict=True):
         interval = ", not repeated" if math.isnan(low) else f" [{low:.3g}, {high:.3g}]"
         texts.append(f"{ratio:.3g} times the time{interval}{moment if significant and not decides else ''}")
     why[comparable] = texts
-    return pd.Series(why, index=found.index, dtype=object)
+    return pd.Series(why, index=judged.index, dtype=object)

@@ -18,7 +18,7 @@ from cpbench.solvers.base import missing, solvers
 
 Reading = Callable[[Sequence[str]], Iterable[str]]
 """Shows the progress of reading files."""
-Place = tuple[str, str | None]
+AddressedFile = tuple[str, str | None]
 """The address of a problem, and the format of its file where that was said."""
 
 
@@ -27,14 +27,14 @@ class PlannedSet:
     """A set of the plan with its solvers, its problems (addresses by fingerprint) and its pairs.
 
     `named` : the solvers that were asked for by name. `absent` : how to install those of the others that are missing.
-    `places`, `requests` : addresses to read, and the routes that are asked for from each.
+    `addresses`, `requests` : addresses to read, and the routes that are asked for from each.
     """
 
-    asked: ProblemSet
+    problem_set: ProblemSet
     entries: Sequence[Entry] = ()
     named: Collection[str] = ()
     absent: Mapping[str, str] = field(default_factory=dict)
-    places: Sequence[str] = ()
+    addresses: Sequence[str] = ()
     requests: Sequence[Request] = ()
     problems: Mapping[str, str] = field(default_factory=dict)
     pairs: Sequence[Pair] = ()
@@ -60,16 +60,20 @@ class Assembly:
     absent: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def found(self) -> dict[str, list[str]]:
+    def fingerprints(self) -> dict[str, list[str]]:
         """Fingerprints of the problems of every set."""
-        return {part.asked.name: list(part.problems) for part in self.parts}
+        return {part.problem_set.name: list(part.problems) for part in self.parts}
 
     @property
     def idle(self) -> list[str]:
         """Solvers that were asked for by name and that no route leads to from any problem."""
         busy = {pair.entry.solver for part in self.parts for pair in part.pairs}
         names = [
-            entry.solver for part in self.parts if part.asked.chosen for entry in part.entries if not entry.nearest
+            entry.solver
+            for part in self.parts
+            if part.problem_set.chosen
+            for entry in part.entries
+            if not entry.nearest
         ]
         return [name for name in dict.fromkeys(names) if name not in busy]
 
@@ -92,36 +96,36 @@ class Assembly:
         )
 
 
-def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
+def assemble(run_plan: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
     """Return the pairs of a plan; `builtin` is called for the folder of the built-in problems if a set names it.
 
     Raises CpbenchError when the sets contradict each other, or name something that does not exist.
     """
-    begun = [_begun(part, builtin) for part in asked.sets]
-    wanted: dict[Place, dict[str, Request]] = {}
+    begun = [_begun(part, builtin) for part in run_plan.sets]
+    wanted: dict[AddressedFile, dict[str, Request]] = {}
     for part in begun:
-        for address in part.places:
-            key = address, part.asked.format
+        for address in part.addresses:
+            key = address, part.problem_set.format
             wanted.setdefault(key, {}).update({request.name: request for request in part.requests})
     alone = {entry.solver for part in begun for entry in part.entries}
-    if len(alone) == 1 and not asked.cluster:  # else the first one depends on the problems
-        slot.workers.begin(alone.pop(), asked.memory)
-    guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
-    surveys: dict[Place, Surveyed] = {}
+    if len(alone) == 1 and not run_plan.cluster:  # else the first one depends on the problems
+        slot.workers.begin(alone.pop(), run_plan.memory)
+    guesses = any(parse_start(start).guess == EVERY for part in run_plan.sets for start in part.start)
+    surveys: dict[AddressedFile, Surveyed] = {}
     refused: list[tuple[str, CpbenchError]] = []
-    longest = max(part.timeout for part in asked.sets)
+    longest = max(part.timeout for part in run_plan.sets)
     for (key, requests), address in zip(wanted.items(), reading([address for address, _ in wanted]), strict=True):
         try:
             surveys[key] = slot.survey(address, list(requests.values()), key[1], longest, guesses=guesses)
         except CpbenchError as reason:
             refused.append((address, reason))
-    parts = [_with_pairs(part, surveys, asked.threads) for part in begun]
+    parts = [_with_pairs(part, surveys, run_plan.threads) for part in begun]
     planned: dict[str, Pair] = {}
     for pair in (pair for part in parts for pair in part.pairs):
         _require_same(planned.setdefault(pair.key, pair), pair)
     return Assembly(
         parts,
-        selection.shard(planned.values(), *asked.shard),
+        selection.shard(planned.values(), *run_plan.shard),
         dict(surveys.keys()),
         [(address, str(reason)) for address, reason in refused],
         [address for address, reason in refused if isinstance(reason, Unread)],
@@ -148,26 +152,28 @@ def _requests(part: ProblemSet) -> list[Request]:
     return plan.requests(part.allowed_routes, part.facets)
 
 
-def _with_pairs(part: PlannedSet, surveys: Mapping[Place, Surveyed], threads: int) -> PlannedSet:
+def _with_pairs(part: PlannedSet, surveys: Mapping[AddressedFile, Surveyed], threads: int) -> PlannedSet:
     """Return a set with the problems that it selects and its pairs."""
-    asked = part.asked
-    here = [surveys[address, asked.format] for address in part.places if (address, asked.format) in surveys]
-    chosen = selection.select(asked, here) if here else []
+    problem_set = part.problem_set
+    here = [
+        surveys[address, problem_set.format] for address in part.addresses if (address, problem_set.format) in surveys
+    ]
+    chosen = selection.select(problem_set, here) if here else []
     pairs = [
         pair
-        for tolerance in asked.tolerance
-        for start, started in _started(asked, chosen).items()
+        for tolerance in problem_set.tolerance
+        for start, started in _started(problem_set, chosen).items()
         for pair in plan.pairs(
             started,
             part.entries,
             part.requests,
             tolerance,
-            asked.limits(threads),
-            relaxations=asked.allowed_routes == "all",
-            detours=asked.chosen or bool(asked.via),
+            problem_set.limits(threads),
+            relaxations=problem_set.allowed_routes == "all",
+            detours=problem_set.chosen or bool(problem_set.via),
             start=start,
-            set=asked.name,
-            measure=asked.measure,
+            set=problem_set.name,
+            measure=problem_set.measure,
             named=part.named,
         )
     ]

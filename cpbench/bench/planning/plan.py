@@ -197,13 +197,13 @@ def _knobs(name: str, known: Mapping[str, Any], texts: Mapping[str, str], whole:
 
 def requests(routes: str, counts: Sequence[int]) -> list[Request]:
     """Return the requests of `--routes exact|facets|all` with facet counts."""
-    asked = [exact()]
+    requests = [exact()]
     if routes in ("facets", "all"):
-        asked += [r for n in counts for how in ("inner", "facets") for r in facets(how, n)]
+        requests += [r for n in counts for how in ("inner", "facets") for r in facets(how, n)]
     if routes == "all":
-        asked += [r for n in counts for r in facets("outer", n)]
-        asked += [Request(name, (*EXACT_KINDS, str(kind))) for name, kind in BEYOND.items()]
-    return asked
+        requests += [r for n in counts for r in facets("outer", n)]
+        requests += [Request(name, (*EXACT_KINDS, str(kind))) for name, kind in BEYOND.items()]
+    return requests
 
 
 def parse_request(request: Request) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:
@@ -227,7 +227,7 @@ def entry_of(spec: SolverSpec, given: Mapping[str, str]) -> Entry:
 def pairs(
     surveys: Iterable[Surveyed],
     entries: Sequence[Entry],
-    asked: Sequence[Request],
+    requests: Sequence[Request],
     tolerance: float,
     limits: Limits = Limits(),
     *,
@@ -247,7 +247,7 @@ def pairs(
     planned: dict[str, Pair] = {}
     maps = nodes_of_maps()
     for survey in surveys:
-        for request in asked:
+        for request in requests:
             nodes = {*survey.nodes[request.name]}
             # else a solver would have two rows, one of them by a way that only promises less
             if request.name in BEYOND:

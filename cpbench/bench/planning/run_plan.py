@@ -142,12 +142,12 @@ class RunPlan:
         limits = [part.memory for part in self.sets]
         return 0 if 0 in limits else max(limits)
 
-    def effective(self, found: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-        """Return the plan as results keep it; `found` are the fingerprints of the problems of each set."""
+    def effective(self, fingerprints: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+        """Return the plan as results keep it; `fingerprints` are the fingerprints of the problems of each set."""
         plan = asdict(self)
         for part in plan["sets"]:
             part["timeout"] = part["timeout"] if math.isfinite(part["timeout"]) else "none"
-            part["found"] = list(found[part["name"]])
+            part["found"] = list(fingerprints[part["name"]])
         return plan
 
 

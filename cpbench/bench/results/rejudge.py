@@ -122,13 +122,13 @@ def _judge(
     tolerance: float | None,
 ) -> tuple[str, float]:
     """Return status and error of a kept answer or proof; by the row's own measure and tolerance where none is given."""
-    asked = tolerance or float(row.tolerance)
-    verdict = verification.no_answer(asked)
+    wanted = tolerance or float(row.tolerance)
+    verdict = verification.no_answer(wanted)
     if blob is not None:
         point = problem.point_from_vector(unpack_answer(blob))
-        verdict = verification.judge(problem, point, asked, measure or row.measure)
-    kind, target = Kind(row.kind or Kind.EQUIVALENT), _target(row, asked / float(row.tolerance))
-    proven = {f"proven_{one}": _proven(problem, one, proof, asked) for one in verification.PROVEN}
+        verdict = verification.judge(problem, point, wanted, measure or row.measure)
+    kind, target = Kind(row.kind or Kind.EQUIVALENT), _target(row, wanted / float(row.tolerance))
+    proven = {f"proven_{one}": _proven(problem, one, proof, wanted) for one in verification.PROVEN}
     status = verification.status(verdict, str(row.claim), kind=kind, target=target, **proven)
     return str(status), math.inf if math.isnan(verdict.error) else verdict.error
 

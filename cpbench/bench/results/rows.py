@@ -180,9 +180,9 @@ def limits_of(row: Planned) -> tuple[float, int, int, int]:
     return row.seconds, row.memory, row.threads, row.repeats_asked
 
 
-def difference(name: str, old: tuple[float, ...], asked: tuple[float, ...]) -> str:
+def difference(name: str, old: tuple[float, ...], new: tuple[float, ...]) -> str:
     """Return why a file refuses limits that are not the old ones of set `name`."""
-    changes = zip(LIMITS.values(), old, asked, strict=True)
+    changes = zip(LIMITS.values(), old, new, strict=True)
     limit, before, now = next(change for change in changes if change[1] != change[2])
     what = f"set '{name}' was made" if name else "was made"
     advice = "results of other limits do not mix: use another file with -o"

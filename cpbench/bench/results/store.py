@@ -244,16 +244,16 @@ class Store:
 
     def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
-        known: dict[str, set[tuple[Any, ...]]] = {}
+        of_set: dict[str, set[tuple[Any, ...]]] = {}
         for name, *limits in self._database.read(f'SELECT DISTINCT "set", {columns} FROM rows'):
-            known.setdefault(name, set()).add(tuple(limits))
-        resumed = bool(known)
+            of_set.setdefault(name, set()).add(tuple(limits))
+        resumed = bool(of_set)
         for row in rows:
-            asked = limits_of(row)
-            there = self._database.read(f"SELECT {columns} FROM rows WHERE key = ?", (row.key,)) if resumed else []
-            before = set(there) or known.setdefault(row.set, {asked})
-            if asked not in before:
-                raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), asked)}")
+            wanted = limits_of(row)
+            planned = self._database.read(f"SELECT {columns} FROM rows WHERE key = ?", (row.key,)) if resumed else []
+            before = set(planned) or of_set.setdefault(row.set, {wanted})
+            if wanted not in before:
+                raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), wanted)}")
 
     def finish(self, key: str, outcome: Outcome) -> None:
         """Fill a planned row, with its answer, its history and the proof of its status, in one transaction; `attempts`

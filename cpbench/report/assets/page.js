@@ -197,7 +197,7 @@ const logScale = (title, labelExpr, scale = {}) => ({
   axis: { title, labelExpr, tickCount: 6 },
 });
 
-/* The solvers in colour: the first of the order that solve something. Each has one look in all figures. */
+/* The solvers in colour: the first of the order that solve something. Each has one style in all figures. */
 function leaders() {
   const solved = new Set(chosenRows().filter(isSolved).map((row) => page.columns.label[row]));
   return shownLabels().filter((code) => solved.has(code)).slice(0, LEADING);
@@ -206,9 +206,9 @@ function leaders() {
 /* Marks of labels: grey for most, in colour for the leading ones, whose names in the legend bring out their marks. */
 function layered(values, mark, encoding, transform = []) {
   const codes = leaders(), names = codes.map(labelName);
-  const looks = codes.map((code) => page.facts.labels.look[code]);
-  const colours = looks.map((look) => COLOURS[look % COLOURS.length]);
-  const dashes = looks.map((look) => DASHES[Math.floor(look / COLOURS.length + look) % DASHES.length]);
+  const styles = codes.map((code) => page.facts.labels.style[code]);
+  const colours = styles.map((style) => COLOURS[style % COLOURS.length]);
+  const dashes = styles.map((style) => DASHES[Math.floor(style / COLOURS.length + style) % DASHES.length]);
   const byLabel = (range) => ({ field: "label", type: "nominal", title: null, scale: { domain: names, range } });
   const line = mark.type === "line";
   const tooltip = [{ field: "label", title: "solver" }, ...(line ? [] : [{ field: "problem" }])];

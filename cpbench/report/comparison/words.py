@@ -92,8 +92,8 @@ def again(comparison: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> s
     own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
     row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds")}}
     here = str(Path.cwd()) + os.sep
-    sheet = (comparison.new.meta.get("solvers") or {}).get(row["label"])
-    return solve_command(row, sheet).replace(here, "")
+    metadata = (comparison.new.meta.get("solvers") or {}).get(row["label"])
+    return solve_command(row, metadata).replace(here, "")
 
 
 def slowest(comparison: Comparison, label: str) -> pd.Series[Any]:

@@ -42,11 +42,11 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     lines: list[figures.Line] = []
     figure, axes = figures.with_room(len(ends), notes=2)
     for k, label in enumerate(ends):
-        path, look = paths[label], chosen.looks[label] if k < figures.EMPHASISED else None
+        path, style = paths[label], chosen.line_styles[label] if k < figures.EMPHASISED else None
         corners = path["seconds"], path["error"].clip(lower=FLOOR)
-        lines.append(figures.Line(cut(label, figures.LABEL_LENGTH), f"{path['error'].min():.0e}", *corners, look))
-        if reported and look is not None:
-            colour = figures.colour(look)
+        lines.append(figures.Line(cut(label, figures.LABEL_LENGTH), f"{path['error'].min():.0e}", *corners, style))
+        if reported and style is not None:
+            colour = figures.colour(style)
             axes.plot(path["seconds"], path["residual"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     figures.draw_lines(axes, lines, steps=False)
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)

@@ -30,7 +30,7 @@ def draw(run: Run, choice: Choice) -> Drawing:
     require_histories(chosen)
     curves = histories.work_precision(chosen.rows, chosen.histories)
     figure, axes = figures.with_room(curves["label"].nunique(), notes=1)
-    _curves(axes, curves, chosen.problems, chosen.looks)
+    _curves(axes, curves, chosen.problems, chosen.line_styles)
     axes.set_xlabel("time, conversion and set-up included, log scale")
     without = sorted(set(chosen.rows["label"]) - set(curves["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""
@@ -57,20 +57,20 @@ def guide_of(problems: int) -> str:
     )
 
 
-def _curves(axes: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:
+def _curves(axes: Axes, points: pd.DataFrame, problems: int, styles: Mapping[str, int]) -> None:
     """Draw curves of `analysis.histories.work_precision` with their legend beside them, lowest end first."""
     curves: dict[str, pd.DataFrame] = {
-        str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
+        str(label): curve[curve["seconds"] < math.inf] for label, curve in points.groupby("label", sort=True)
     }
     drawn = sorted(
-        (label for label, own in curves.items() if len(own)),
+        (label for label, curve in curves.items() if len(curve)),
         key=lambda label: (float(curves[label]["error"].min()), float(curves[label]["seconds"].max()), label),
     )
     lines: list[figures.Line] = []
     for k, label in enumerate(drawn):
-        own, look = curves[label], looks[label] if k < figures.EMPHASISED else None
-        words = cut(label, figures.LABEL_LENGTH), f"{own['error'].min():.0e}"
-        lines.append(figures.Line(*words, own["seconds"], own["error"], look))
+        curve, style = curves[label], styles[label] if k < figures.EMPHASISED else None
+        words = cut(label, figures.LABEL_LENGTH), f"{curve['error'].min():.0e}"
+        lines.append(figures.Line(*words, curve["seconds"], curve["error"], style))
     figures.draw_lines(axes, lines)
     dress(axes)
     axes.set_ylabel("judged error" if problems == 1 else "judged error, on half of the problems")

@@ -34,7 +34,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time") -> Drawing:
     cost = WORDS.get(measured.metric.name, f"number of {measured.metric.name.removeprefix('counter:')}")
     least = "the fastest" if measured.metric.unit == "s" else "the one that needed least"
     across = f"τ: {cost} / {'fastest time' if cost == 'time' else f'least {cost}'} (failures: ∞)"
-    figures.profile_axes(axes, profile, chosen.kinds, chosen.looks, across)
+    figures.profile_axes(axes, profile, chosen.kinds, chosen.line_styles, across)
     warning = cautions.caution(measured.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
     beware = f" {warning}" if warning else ""
     floor = _amount(profile.floor, measured.metric.unit)

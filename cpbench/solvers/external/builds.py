@@ -88,7 +88,7 @@ def _defaults(options: Any) -> dict[str, Any]:
     }
 
 
-def as_toml(found: Tables) -> str:
+def as_toml(tables: Tables) -> str:
     """Return the tables in a file that `--plugin` takes; every key is quoted, as any may be.
 
     >>> print(as_toml({"mine@base": {"serve": "./mine", "options": {"omega": 1.5, "a b": True}}}), end="")
@@ -97,7 +97,7 @@ def as_toml(found: Tables) -> str:
     "options" = {"omega" = 1.5, "a b" = true}
     """
     lines: list[str] = []
-    for name, table in found.items():
+    for name, table in tables.items():
         lines += [f"[solver.{_value(name)}]", *(f"{_value(key)} = {_value(entry)}" for key, entry in table.items()), ""]
     return "\n".join(lines)
 

@@ -198,14 +198,14 @@ class Session:
             if self._out in ready:
                 return False
 
-    def _over(self, do: str, found: bytes = b"") -> NoReturn:
+    def _over(self, do: str, rest: bytes = b"") -> NoReturn:
         """Raise the exception for a program that ended, or closed its stdout or stdin."""
         code = wait_by(self._process, self._end, LAST_WORDS)
         # first the exit code: half a line before it is what a crash leaves
         if code:
             raise Ended(self.name, code)
-        if found.strip():
-            raise ProgramError(f"{self.name}: answered {do} with {_shown(found)} and no end of line: {_ADVICE}")
+        if rest.strip():
+            raise ProgramError(f"{self.name}: answered {do} with {_shown(rest)} and no end of line: {_ADVICE}")
         if code == 0:
             raise Ended(self.name, code)
         # where another part of this process has reaped the child, its exit code is not known here

@@ -1,6 +1,6 @@
-"""Looks of the labels in every figure of a results file, chosen from all rows, whatever a figure shows of them.
+"""Styles of the labels in every figure of a results file, chosen from all rows, whatever a figure shows of them.
 
-A look is a number: its colour is the number modulo the colours there are, and labels of one colour differ in the rest
+A style is a number: its colour is the number modulo the colours there are, and labels of one colour differ in the rest
 (marker, dashes). Labels that lead the profile of one group get different colours as far as these go.
 """
 
@@ -14,15 +14,15 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import performance_profile
 
 LEADING = 12
-"""Labels of a group that get different looks first: those in colour, and a few that follow when others are left out."""
+"""Labels of a group that get different styles first: those in colour, and a few that follow if others are left out."""
 
 
-def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
-    """Assign a look to every label, all different.
+def line_styles(table: pd.DataFrame, colours: int) -> dict[str, int]:
+    """Assign a style to every label, all different.
 
     >>> rows = pd.DataFrame({"label": ["a", "b", "b", "c"], "node": ["lcp", "lcp", "qp", "qp"], "problem": "p",
     ...                      "status": "solved", "solve": 1.0, "tolerance": 1e-6, "threads": 1})
-    >>> looks(rows_of.normalised(rows), 2)
+    >>> line_styles(rows_of.normalised(rows), 2)
     {'b': 0, 'a': 1, 'c': 3}
     """
     labels = sorted(str(label) for label in table["label"].unique())
