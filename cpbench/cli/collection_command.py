@@ -134,8 +134,7 @@ def generate(folder: Path | None, names: tuple[str, ...], tier: str, check: bool
     """Write the built-in problems again from their formulas, into FOLDER or the shipped one.
 
     The standard tier has up to 100,000 unknowns, the large tier up to a million; each family is written before the
-    next one is made. The exit code is 1 unless all are those of the published collection. The recorded sequences
-    contact-sequence and contact-sequence-global are written only when they are named.
+    next one is made. The exit code is 1 unless all are those of the published collection.
     """
     if names and folder is None:
         raise click.UsageError("--family needs a FOLDER to write to: the shipped one holds the built-in problems")

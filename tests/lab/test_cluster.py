@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from recorded import write_sequence
 
 import cpbench
 from cpbench import storage
@@ -30,7 +31,6 @@ from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations import LCP
-from cpbench.generators.collection import write_collections
 from cpbench_lab.cluster import connect, executor
 from cpbench_lab.cluster.dask_worker import RemoteWorker
 from cpbench_lab.cluster.executor import DaskExecutor
@@ -236,11 +236,10 @@ def test_steps_follow_answers_of_another_task(
     local: DaskExecutor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(executor, "TASK", 0.05)
-    (tmp_path / "scene").mkdir()
-    list(write_collections(tmp_path / "scene", ("contact-sequence",)))
+    scene = write_sequence(tmp_path / "steps.h5")
     limits = Limits(seconds=30.0, repeats=1)
     with Slot() as slot:
-        addresses = storage.problem_files([tmp_path / "scene"])
+        addresses = storage.problem_files([str(scene)])
         surveys = [slot.survey(address, [plan.exact()]) for address in addresses]
         asked = (surveys, [plan.Entry("nsgs")], [plan.exact()], 1e-6, limits)
         planned = [pair for start in ("previous", "cold") for pair in plan.pairs(*asked, start=start)]

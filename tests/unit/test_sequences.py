@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from command_line import cpbench
+from recorded import STEPS, write_sequence
 
 from cpbench import storage
 from cpbench.analysis import table as rows_of
@@ -26,18 +27,14 @@ from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
-from cpbench.generators.collection import write_collections
 
 LIMITS = plan.Limits(seconds=30.0, repeats=1)
-STEPS = 32
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One pack with the steps of the scene."""
-    folder = tmp_path_factory.mktemp("scene")
-    (path,) = [p for p in write_collections(folder, ("contact-sequence",)) if p.suffix in (".h5", ".hdf5")]
-    return path
+    return write_sequence(tmp_path_factory.mktemp("scene") / "steps.h5")
 
 
 def _plan(slot: Slot, scene: Path, starts: tuple[str, ...], solvers: tuple[str, ...] = ("nsgs",)) -> list[Pair]:
