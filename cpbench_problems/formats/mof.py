@@ -28,12 +28,11 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.nonlinear import Equation
 from cpbench.storage.base import Format, formats, no_member, read_bytes, read_head
 from cpbench_problems.formats.model_problem import problem_of
-from cpbench_problems.formats.mof_linear import obstacle
+from cpbench_problems.formats.mof_functions import Affine, Quadratic
 from cpbench_problems.formats.mof_model import read_model
-from cpbench_problems.formats.mof_nonlinear import CONVEX
-from cpbench_problems.formats.mof_write import MODELS, joined
-
-__all__ = ["MOF", "SUFFIX", "obstacle", "text"]
+from cpbench_problems.formats.mof_write import constraints, joined, objective, variables
+from cpbench_problems.formats.problem_model import CONVEX, MODELS, formulation_of, model_of_problem
+from cpbench_problems.formats.to_mof import MINOR
 
 SUFFIX = ".mof.json"
 LARGEST = 5_000_000
@@ -91,20 +90,20 @@ def _content(path: Path) -> bytes:
 
 def text(problem: Problem) -> Iterator[str]:
     """Yield the file in pieces; raises FormatError when it would be too large, or the set of an avi is not a box."""
-    model = MODELS[problem.node](problem)
-    if model.entries > LARGEST:
-        raise FormatError(
-            problem.name or problem.node, "", f"has {model.entries} coefficients or operations, too many: use .h5"
-        )
-    described = f"{MARK}{problem.node}{model.remark}: {', '.join(problem.relations)}"
+    model = model_of_problem(problem)
+    functions = [*model.pairs.values(), *(row.function for row in (*model.above, *model.equal))]
+    entries = sum(len(function.columns) for function in functions if isinstance(function, Affine))
+    entries += len(model.objective.products) if isinstance(model.objective, Quadratic) else 0
+    entries += sum(F.operations for F in problem.maps().values())
+    if entries > LARGEST:
+        raise FormatError(model.source, "", f"has {entries} coefficients or operations, too many: use .h5")
+    described = f"{MARK}{formulation_of(problem)}: {', '.join(problem.relations)}"
     named = f'"name": {json.dumps(problem.name)},\n' if problem.name else ""
-    version = f'{{"major": 1, "minor": {model.minor}}}'
+    version = f'{{"major": 1, "minor": {MINOR if problem.has_maps() else 0}}}'
     yield f'{{"version": {version},\n{named}"description": {json.dumps(described)},\n"variables": ['
-    yield from joined(model.variables())
-    yield '],\n"objective": '
-    yield from model.objective
-    yield ',\n"constraints": [\n'
-    yield from joined((*model.bounds(), *model.rows), ",\n")
+    yield from joined(variables(model))
+    yield f'],\n"objective": {objective(model)},\n"constraints": [\n'
+    yield from joined(constraints(model, ("g", "h") if problem.has_maps() else ("A", "C")), ",\n")
     yield "\n]}\n"
 
 

@@ -65,7 +65,20 @@ class Functions:
         except ProblemError as cause:
             raise FormatError(source, "variables", cause.cause) from None
         self._column = {**column, **others}
-        self.parametric = bool(others)
+        self.parameters = dict(parameters or {})
+
+    def take(self, F: Map) -> list[int]:
+        """Return the values of the rows of a map, which becomes part of this one; a parameter that is none here is a
+        number.
+        """
+        build, number = self.build, list(range(F.inputs))
+        names = {place: name for name, place in F.named.items()}
+        for place, c in enumerate(F.constants.tolist()):
+            name = names.get(place, "")
+            number.append(self._column[name] if name in self.parameters else build.constant(c))
+        for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
+            number.append(build.apply(Operator(head), number[a], number[b] if b >= 0 else -1))
+        return [number[end] for end in F.outputs.tolist()]
 
     def map(self, functions: list[Function]) -> Map:
         """Return the map with these rows."""

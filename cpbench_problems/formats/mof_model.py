@@ -87,7 +87,7 @@ class Model:
     @property
     def affine(self) -> bool:
         """True if everything but the objective is affine. False where there are parameters, which no matrix keeps."""
-        if self.functions.parametric:
+        if self.functions.parameters:
             return False
         rows = (row.function for row in (*self.above, *self.equal))
         return all(isinstance(function, Affine) for function in (*rows, *self.pairs.values()))

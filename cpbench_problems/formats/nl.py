@@ -1,4 +1,4 @@
-"""AMPL's .nl format, which AMPL, Pyomo and JuMP write and many solvers read: in text (g) and in binary (b).
+"""AMPL's .nl format, which AMPL, Pyomo and JuMP write and many solvers read: in text (g), and read in binary (b), too.
 
 nlp    min f(z); rows g ≥ 0, rows h = 0; bounds of z
 qp     min ½zᵀQz + pᵀz; rows Az ≥ b, rows Cz = d; bounds of z
@@ -16,7 +16,6 @@ import dataclasses
 import logging
 import re
 from pathlib import Path
-from typing import ClassVar
 
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
@@ -24,8 +23,8 @@ from cpbench.storage.base import Format, formats, no_member, read_head, stem
 from cpbench_problems.formats.model_problem import problem_of
 from cpbench_problems.formats.nl_model import model_of
 from cpbench_problems.formats.nl_segments import read_segments
-from cpbench_problems.formats.nl_terms import Binary, Encoder, Text
-from cpbench_problems.formats.nl_write import CONVEX, WRITERS, encoded
+from cpbench_problems.formats.nl_write import NODES, encoded
+from cpbench_problems.formats.problem_model import CONVEX
 from cpbench_problems.formats.squares import squared
 
 logger = logging.getLogger("cpbench.storage")
@@ -38,14 +37,12 @@ _MARK = re.compile(r"(.*?)\s*\(cpbench (nlp convex|nlp|ncp|micp|qp)\)")
 
 
 class NL(Format):
-    """One problem a file; reads text and binary."""
+    """One problem a file, which is written in text."""
 
     name = "nl"
     summary = "AMPL's .nl, text or binary: programs and complementarity problems, as AMPL, Pyomo and JuMP write them"
     suffixes = (SUFFIX,)
-    writes = frozenset(WRITERS)
-    text: ClassVar[bool] = True
-    encoder: ClassVar[Encoder] = Text()
+    writes = NODES
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return path.suffix.lower() == SUFFIX
@@ -55,19 +52,7 @@ class NL(Format):
         return read(path)
 
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
-        return encoded(problem, self.encoder)
-
-
-class BinaryNL(NL):
-    """The same, written in binary."""
-
-    name = "nl-binary"
-    summary = "AMPL's .nl in binary (nl reads both)"
-    encoder = Binary()
-    by_suffix = False  # .nl is text
-
-    def recognises(self, path: Path, head: bytes) -> bool:
-        return False
+        return encoded(problem)
 
 
 def read(path: Path) -> Problem:
@@ -108,4 +93,3 @@ def _names(path: Path, count: int) -> list[str]:
 
 
 formats.add("nl", NL())
-formats.add("nl-binary", BinaryNL())

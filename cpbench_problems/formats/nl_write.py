@@ -1,4 +1,4 @@
-"""Writing problems as .nl files.
+"""Writing problems as .nl files, in text.
 
 Rows that are affine are linear terms, all others expressions; the constant of an affine row is in its sides, that of a
 pair in its expression. AMPL numbers nonlinear unknowns and rows first; here the order is the problem's, and the header
@@ -7,56 +7,39 @@ counts as nonlinear all up to the last one that is.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cpbench.errors import FormatError
 from cpbench.formulations.expressions.operators import Operator
-from cpbench.foundation.matrices import Vector
-from cpbench.registry import NodeTable
-from cpbench.storage.base import offset
-from cpbench_problems.formats.mof_functions import Affine
-from cpbench_problems.formats.mof_linear import kept, quadratic
-from cpbench_problems.formats.nl_operators import SUM, UNWRITTEN, WRITTEN
-from cpbench_problems.formats.nl_terms import Encoder, NLTerms
+from cpbench_problems.formats.mof_functions import Affine, Function, Functions, Quadratic
+from cpbench_problems.formats.mof_model import Model
+from cpbench_problems.formats.nl_operators import UNWRITTEN
+from cpbench_problems.formats.nl_terms import columns, written
+from cpbench_problems.formats.problem_model import formulation_of, model_of_problem
 
-CONVEX = " convex"
+NODES = frozenset({"nlp", "ncp", "micp", "qp"})
+"""Formulations that are written."""
 
 
 @dataclass
 class _Row:
-    """A row, or the objective: its expression, the unknowns in it, its linear terms, its sides."""
+    """A row, or the objective: its expression, its sides, the unknowns in the expression, its linear terms."""
 
-    expression: bytes
+    expression: str
+    sides: str
     nonlinear: Sequence[int] = ()
-    columns: Sequence[int] = ()
-    values: Sequence[float] = ()
-    sides: bytes = b""
+    linear: Affine | None = None
 
     def terms(self) -> dict[int, float]:
         """Return the linear terms, 0 for unknowns that stand in the expression alone."""
-        return dict.fromkeys(self.nonlinear, 0.0) | dict(zip(self.columns, self.values, strict=True))
-
-
-@dataclass
-class _Written:
-    """The parts of a file. pairs : how many rows are complementary to an unknown."""
-
-    lb: Vector
-    ub: Vector
-    start: Vector
-    rows: list[_Row] = field(default_factory=list[_Row])
-    objective: _Row | None = None
-    defined: list[bytes] = field(default_factory=list[bytes])
-    pairs: int = 0
-
-
-WRITERS: NodeTable[Callable[[Any, Encoder], _Written]] = NodeTable("model of .nl")
-"""Function that makes the parts of a file of a problem."""
+        linear = self.linear or Affine([], [], 0.0)
+        return dict.fromkeys(self.nonlinear, 0.0) | dict(zip(linear.columns, linear.values, strict=True))
 
 
 def obstacle(problem: Any) -> str | None:
@@ -70,158 +53,133 @@ def obstacle(problem: Any) -> str | None:
     return None
 
 
-def encoded(problem: Any, to: Encoder) -> bytes:
+def encoded(problem: Any) -> bytes:
     """Return the file for a problem; raises FormatError."""
     why = obstacle(problem)
     if why is not None:
         raise FormatError(problem.name or problem.node, "", f"cannot be written as nl: {why}")
-    model = WRITERS[problem.node](problem, to)
-    return b"".join((_header(problem, model, to).encode(), *_segments(model, to)))
+    model = model_of_problem(problem, parameters=False)
+    defined, rows = _parts(model, curved=problem.has_maps())
+    objective = rows.pop() if model.objective is not None else None
+    remark = f"{' '.join(problem.name.split()).replace('#', '')} (cpbench {formulation_of(problem)})"
+    header = _header(model, objective, rows, remark, len(defined)).encode("ascii", "replace")
+    return header + "".join((*defined, *_segments(model, objective, rows))).encode()
 
 
-@WRITERS.of("nlp")
-def _nlp(problem: Any, to: Encoder) -> _Written:
-    model = _Written(problem.lb, problem.ub, problem.start)
-    terms = NLTerms(problem.start.size, (problem.f, problem.g, problem.h))
-    kinds = ["", *["2"] * problem.g.rows, *["4"] * problem.h.rows]
-    model.objective, *model.rows = _rows(model, terms, kinds, to)
-    return model
+def _parts(model: Model, *, curved: bool) -> tuple[list[str], list[_Row]]:
+    """Return the defined variables and the rows, the last of which is the objective. `curved`: of a problem with maps,
+    whose operations are kept as they are.
+    """
+    functions, build = model.functions, model.functions.build
+    split: list[tuple[int, Affine | None, str]] = []
+    for kind, rows in (("2", model.above), ("4", model.equal)):
+        for row in rows:
+            value, linear = _split(functions, row.function)
+            constant = linear.constant if linear else 0.0
+            side = row.side - constant if constant else row.side
+            split.append((build.constant(0.0) if linear else value, linear, f"{kind} {side!r}\n"))
+    for k, function in model.pairs.items():
+        flags = 1 * bool(np.isfinite(model.lb[k])) + 2 * bool(np.isfinite(model.ub[k]))
+        split.append((*_split(functions, function), f"5 {flags} {k + 1}\n"))
+    if isinstance(model.objective, Quadratic) and not curved:
+        split.append((*_quadratic(model, model.objective), ""))
+    elif model.objective is not None:
+        split.append((*_split(functions, model.objective), ""))
+    defined, texts = written(build, [value for value, _, _ in split])
+    return defined, [
+        _Row(text, side, columns(build, value), linear)
+        for text, (value, linear, side) in zip(texts, split, strict=True)
+    ]
 
 
-@WRITERS.of("ncp", "micp")
-def _pairs(problem: Any, to: Encoder) -> _Written:
-    n = problem.start.size
-    lb, ub = (problem.lb, problem.ub) if problem.node == "micp" else (np.zeros(n), np.full(n, np.inf))
-    model = _Written(lb, ub, problem.start, pairs=n)
-    model.rows = _rows(model, NLTerms(n, (problem.F,)), [""] * n, to)
-    for k, row in enumerate(model.rows):
-        flags = 1 * bool(np.isfinite(lb[k])) + 2 * bool(np.isfinite(ub[k]))
-        row.sides = to.key("5 " if to.letter == "g" else "5", flags, k + 1)
-    return model
+def _split(functions: Functions, function: Function) -> tuple[int, Affine | None]:
+    """Return the expression and the linear terms of a row: where it reads back from these, its expression is a
+    number.
+    """
+    if isinstance(function, Affine) and all(function.values) and np.all(np.diff(function.columns) > 0):
+        return functions.build.constant(function.constant), function
+    return functions.value(function), None
 
 
-def _rows(model: _Written, terms: NLTerms, kinds: Sequence[str], to: Encoder) -> list[_Row]:
-    """Return the rows of maps; `kinds` are those of their sides, "" where the constant stays with the row."""
-    plain = [terms.affine(end) for end in terms.ends]
-    model.defined, texts = terms.written([end for end, row in zip(terms.ends, plain, strict=True) if row is None], to)
-    expressions = iter(texts)
-    result: list[_Row] = []
-    for end, row, kind in zip(terms.ends, plain, kinds, strict=True):
-        if row is None:
-            side = to.numbers(kind, 0.0) if kind else b""
-            result.append(_Row(next(expressions), terms.columns(end), sides=side))
-            continue
-        constant = to.numbers("n", 0.0 if kind else row.constant)
-        side = to.numbers(kind, -row.constant if row.constant else 0.0) if kind else b""
-        result.append(_Row(constant, (), row.columns, row.values, side))
-    return result
-
-
-@WRITERS.of("qp")
-def _qp(problem: Any, to: Encoder) -> _Written:
-    n = problem.p.size
-    model = _Written(problem.lb, problem.ub, np.zeros(n))
-    pieces: list[bytes] = []
-    unknowns: set[int] = set()
-    for i, j, value in quadratic(problem.Q):
+def _quadratic(model: Model, function: Quadratic) -> tuple[int, Affine]:
+    """Return a sum of products, and the linear terms; raises FormatError."""
+    build, affine = model.functions.build, function.affine
+    terms: list[int] = []
+    for i, j, value in function.products:
         c = 0.5 * value if i == j else value
         if i == j and 2.0 * c != value:
-            raise FormatError(problem.name or "qp", f"Q[{i},{i}]", f"is {value}, half of which is no number of a file")
-        product = to.key("o", WRITTEN[Operator.MUL])
-        pieces.append(product + to.numbers("n", c) + product + to.key("v", i) + to.key("v", j))
-        unknowns |= {i, j}
-    constant = offset(problem.info)
-    if constant or not pieces:
-        pieces.append(to.numbers("n", constant))
-    expression = pieces[0]
-    if len(pieces) == 2:
-        expression = to.key("o", WRITTEN[Operator.ADD]) + b"".join(pieces)
-    elif len(pieces) > 2:
-        expression = to.key("o", SUM) + to.entry(len(pieces)) + b"".join(pieces)
-    p = problem.p.tolist()
-    linear = [j for j in range(n) if p[j] or math.copysign(1.0, p[j]) < 0]
-    model.objective = _Row(expression, sorted(unknowns), linear, [p[j] for j in linear])
-    zero = to.numbers("n", 0.0)
-    for M, sides, kind in ((problem.A, problem.b, "2"), (problem.C, problem.d, "4")):
-        S = kept(M)
-        for i, side in enumerate(sides.tolist()):
-            inside = slice(S.indptr[i], S.indptr[i + 1])
-            row = Affine(S.indices[inside].tolist(), S.data[inside].tolist(), 0.0)
-            model.rows.append(_Row(zero, (), row.columns, row.values, to.numbers(kind, side)))
-    return model
+            raise model.refused(f"Q[{i},{i}]", f"is {value}, half of which is no number of a file")
+        terms.append(build.apply(Operator.MUL, build.constant(c), build.apply(Operator.MUL, i, j)))
+    if affine.constant or not terms:
+        terms.append(build.constant(affine.constant))
+    kept = [k for k, c in enumerate(affine.values) if c or math.copysign(1.0, c) < 0]
+    linear = Affine([affine.columns[k] for k in kept], [affine.values[k] for k in kept], 0.0)
+    return functools.reduce(lambda total, term: build.apply(Operator.ADD, total, term), terms), linear
 
 
-def _header(problem: Any, model: _Written, to: Encoder) -> str:
-    n, m = model.start.size, len(model.rows)
-    inside = [k for k, row in enumerate(model.rows) if row.nonlinear]
-    equations = sum(row.sides[:1] == b"4" for row in model.rows)
-    by_rows = 1 + max((max(model.rows[k].nonlinear) for k in inside), default=-1)
-    objectives = 0 if model.objective is None else 1
-    by_objective = 1 + max(model.objective.nonlinear, default=-1) if model.objective is not None else 0
+def _header(model: Model, objective: _Row | None, rows: Sequence[_Row], remark: str, defined: int) -> str:
+    n, m, pairs = len(model.names), len(rows), len(model.pairs)
+    inside = [k for k, row in enumerate(rows) if row.nonlinear]
+    by_rows = 1 + max((max(rows[k].nonlinear) for k in inside), default=-1)
+    by_objective = 1 + max(objective.nonlinear, default=-1) if objective is not None else 0
     if by_rows and by_objective:  # those of both come first, so that there are no others
         by_rows = by_objective = max(by_rows, by_objective)
-    curved = sum(bool(row.nonlinear) for row in model.rows) if model.pairs else 0
     low, both = np.isfinite(model.lb), np.isfinite(model.lb) & np.isfinite(model.ub)
     shifted = int((low & (model.lb != 0.0)).sum())
-    ccons = (model.pairs - curved, curved, int(both.sum()), shifted) if model.pairs else (0, 0, 0, 0)
-    remark = f"cpbench {problem.node}{CONVEX if problem.node == 'nlp' and problem.convex else ''}"
-    name = " ".join(problem.name.split()).replace("#", "")
-    jacobian = sum(len(row.terms()) for row in model.rows)
-    gradient = len(model.objective.terms()) if model.objective is not None else 0
+    ccons = (pairs - len(inside), len(inside), int(both.sum()), shifted) if pairs else (0, 0, 0, 0)
+    jacobian = sum(len(row.terms()) for row in rows)
+    gradient = len(objective.terms()) if objective is not None else 0
     lines = [
-        f"{to.letter}3 1 1 0\t# problem {name} ({remark})",
-        f" {n} {m} {objectives} 0 {equations}\t# vars, constraints, objectives, ranges, eqns",
+        f"g3 1 1 0\t# problem {remark}",
+        f" {n} {m} {int(objective is not None)} 0 {len(model.equal)}\t# vars, constraints, objectives, ranges, eqns",
         f" {1 + inside[-1] if inside else 0} {int(by_objective > 0)} {' '.join(map(str, ccons))}\t"
         "# nonlinear constrs, objs; ccons: lin, nonlin, nd, nzlb",
         " 0 0\t# network constraints: nonlinear, linear",
         f" {by_rows} {by_objective} {min(by_rows, by_objective)}\t# nonlinear vars in constraints, objectives, both",
-        f" 0 0 {to.arithmetic} 1\t# linear network variables; functions; arith, flags",
+        " 0 0 0 1\t# linear network variables; functions; arith, flags",
         " 0 0 0 0 0\t# discrete variables: binary, integer, nonlinear (b,c,o)",
         f" {jacobian} {gradient}\t# nonzeros in Jacobian, obj. gradient",
         " 0 0\t# max name lengths: constraints, variables",
-        f" {len(model.defined)} 0 0 0 0\t# common exprs: b,c,o,c1,o1",
+        f" {defined} 0 0 0 0\t# common exprs: b,c,o,c1,o1",
     ]
-    return "\n".join(lines).encode("ascii", "replace").decode() + "\n"
+    return "\n".join([*lines, ""])
 
 
-def _segments(model: _Written, to: Encoder) -> Iterator[bytes]:
-    yield from model.defined
-    for k, row in enumerate(model.rows):
-        yield to.key("C", k) + row.expression
-    if model.objective is not None:
-        yield to.key("O", 0, 0) + model.objective.expression
+def _segments(model: Model, objective: _Row | None, rows: Sequence[_Row]) -> Iterator[str]:
+    for k, row in enumerate(rows):
+        yield f"C{k}\n{row.expression}"
+    if objective is not None:
+        yield f"O0 0\n{objective.expression}"
     started = [k for k, value in enumerate(model.start.tolist()) if value or math.copysign(1.0, value) < 0]
     if started:
-        yield to.key("x", len(started))
-        yield from (to.entry(k, float(model.start[k])) for k in started)
-    if model.rows:
-        yield to.key("r")
-        yield from (row.sides for row in model.rows)
-    yield to.key("b")
-    yield from (_bounds(low, high, to) for low, high in zip(model.lb.tolist(), model.ub.tolist(), strict=True))
-    counts = np.zeros(model.start.size, dtype=int)
-    for row in model.rows:
+        yield f"x{len(started)}\n"
+        yield from (f"{k} {float(model.start[k])!r}\n" for k in started)
+    if rows:
+        yield "r\n"
+        yield from (row.sides for row in rows)
+    yield "b\n"
+    yield from map(_bounds, model.lb.tolist(), model.ub.tolist())
+    counts = np.zeros(len(model.names), dtype=int)
+    for row in rows:
         counts[list(row.terms())] += 1
-    if model.rows and counts.size:
-        yield to.key("k", counts.size - 1)
-        yield from (to.entry(count) for count in np.cumsum(counts)[:-1].tolist())
-    for k, row in enumerate(model.rows):
-        yield from _linear("J", k, row, to)
-    if model.objective is not None:
-        yield from _linear("G", 0, model.objective, to)
+    if rows and counts.size:
+        yield f"k{counts.size - 1}\n"
+        yield from (f"{count}\n" for count in np.cumsum(counts)[:-1].tolist())
+    for k, row in enumerate(rows):
+        yield from _linear(f"J{k}", row)
+    if objective is not None:
+        yield from _linear("G0", objective)
 
 
-def _linear(key: str, number: int, row: _Row, to: Encoder) -> Iterator[bytes]:
+def _linear(key: str, row: _Row) -> Iterator[str]:
     terms = row.terms()
     if terms:
-        yield to.key(key, number, len(terms))
-        yield from (to.entry(column, terms[column]) for column in sorted(terms))
+        yield f"{key} {len(terms)}\n"
+        yield from (f"{column} {terms[column]!r}\n" for column in sorted(terms))
 
 
-def _bounds(low: float, high: float, to: Encoder) -> bytes:
+def _bounds(low: float, high: float) -> str:
     below, above = low > -math.inf, high < math.inf
-    if below and above and repr(low) != repr(high):
-        return to.numbers("0", low, high)
     if below and above:
-        return to.numbers("4", low)
-    return to.numbers("2", low) if below else to.numbers("1", high) if above else to.numbers("3")
+        return f"0 {low!r} {high!r}\n" if repr(low) != repr(high) else f"4 {low!r}\n"
+    return f"2 {low!r}\n" if below else f"1 {high!r}\n" if above else "3\n"

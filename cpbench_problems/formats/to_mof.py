@@ -14,12 +14,12 @@ import numpy as np
 
 from cpbench.formulations.expressions.map import Map
 from cpbench.formulations.expressions.operators import Operator
-from cpbench_problems.formats.mof_functions import Affine, Functions, Quadratic
 from cpbench_problems.formats.mof_operators import CHAINED, WRITTEN
-from cpbench_problems.formats.plain_rows import PlainRows
 
 DEPTH = 12
 """Terms inside each other: parsers of JSON and readers of people go that deep without trouble."""
+MINOR = 7
+"""Of the first version with bare names and numbers as arguments; every later one has what is written here."""
 REPEATED = 2
 """How often, on average, an operation may be written when every row is a separate function."""
 Term = Any
@@ -32,11 +32,8 @@ def vector(F: Map, names: Sequence[str]) -> dict[str, Any]:
 
 
 def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
-    """Write F as one function a row: affine or quadratic where that reads back as the same operations, else nonlinear.
-
-    None where rows share so much that this would be far longer than F is.
-    """
-    writer, plain = _Writer(F, names), _Plain(F)
+    """Write F as one function a row; None where rows share so much that this would be far longer than F is."""
+    writer = _Writer(F, names)
     budget = REPEATED * F.operations
     result: list[dict[str, Any]] = []
     for end in F.outputs.tolist():
@@ -44,36 +41,9 @@ def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
         budget -= len(members)
         if budget < 0:
             return None
-        simple = plain.function(end)
-        if simple is not None:
-            result.append(simple_object(simple, names))
-            continue
         rows, nodes = writer.written(members, [end])
         result.append({"type": "ScalarNonlinearFunction", "root": rows[0], "node_list": nodes})
     return result
-
-
-def parameter(name: str, value: float) -> dict[str, Any]:
-    """Write the constraint that a parameter is; JuMP takes its variable for one by that."""
-    return {"function": {"type": "Variable", "name": name}, "set": {"type": "Parameter", "value": value}}
-
-
-VERSION = {"major": 1, "minor": 7}
-"""The first with bare names and numbers as arguments; every version since has what is written here."""
-
-
-def simple_object(function: Affine | Quadratic, names: Sequence[str]) -> dict[str, Any]:
-    affine = function.affine if isinstance(function, Quadratic) else function
-    terms = [{"coefficient": c, "variable": names[k]} for k, c in zip(affine.columns, affine.values, strict=True)]
-    if isinstance(function, Affine):
-        return {"type": "ScalarAffineFunction", "terms": terms, "constant": affine.constant}
-    products = [{"coefficient": c, "variable_1": names[i], "variable_2": names[j]} for i, j, c in function.products]
-    return {
-        "type": "ScalarQuadraticFunction",
-        "quadratic_terms": products,
-        "affine_terms": terms,
-        "constant": affine.constant,
-    }
 
 
 class _Writer:
@@ -124,24 +94,3 @@ class _Writer:
                 seen.add(k)
                 stack += (self._operations[k][1] - self._first, self._operations[k][2] - self._first)
         return sorted(seen)
-
-
-class _Plain:
-    """Rows that are affine or quadratic, and read back as the same operations."""
-
-    def __init__(self, F: Map) -> None:
-        self._reader = Functions("", {str(k): k for k in range(F.inputs)})
-        build, self._number = self._reader.build, list(range(F.inputs))
-        names = {place: name for name, place in F.named.items()}
-        for place, c in enumerate(F.constants.tolist()):
-            self._number.append(build.parameter(names[place], c) if place in names else build.constant(c))
-        for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
-            self._number.append(build.apply(Operator(head), self._number[a], self._number[b] if b >= 0 else -1))
-        self._rows = PlainRows(build)
-
-    def function(self, end: int) -> Affine | Quadratic | None:
-        """Return the row with this value, None where it is neither affine nor quadratic, or in another order of
-        operations.
-        """
-        found = self._rows.function(self._number[end])
-        return found if found is not None and self._reader.value(found) == self._number[end] else None

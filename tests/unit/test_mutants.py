@@ -14,6 +14,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 from damage import read_or_refused, rearranged, spoiled
+from nl_files import binary
 from synthetic_results import pair
 
 import cpbench
@@ -113,6 +114,7 @@ def _save(problem: Callable[[], Any], **options: Any) -> Callable[[Path], None]:
     return lambda path: cpbench.save(problem(), path, **options)
 
 
+BODY = ("C0", "o2", "v0", "v1", "r", "4 0", "b", "3", "3", "J0 2", "0 0", "1 1.5")
 SEEDS: dict[str, Callable[[Path], object]] = {
     "own.h5": _save(_lcp),
     "contact.h5": _save(_contact),
@@ -124,7 +126,7 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "program.mps": lambda path: path.write_text(MPS),
     "program.lp": lambda path: path.write_text(LP),
     "program.nl": _save(_program),
-    "binary.nl": _save(_program, format="nl-binary"),
+    "binary.nl": lambda path: path.write_bytes(binary([*BODY], jacobian=2)),
     "model.gms": lambda path: path.write_text(GAMS),
     "model.mof.json": _save(_program),
     "siconos.dat": _save(_lcp),

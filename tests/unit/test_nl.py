@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from drawn_cases import NUMBERS, maps
 from hypothesis import given, settings
+from nl_files import binary, text
 from tiers import some_by_day
 
 import cpbench
@@ -21,7 +21,6 @@ from cpbench.formulations import NCP, NLP, QP, MiCP
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench_problems.formats.nl_operators import UNWRITTEN
 
-FORMATS = ("nl", "nl-binary")
 NODES = ("nlp", "ncp", "micp", "qp")
 BUILTIN = [
     address
@@ -30,9 +29,9 @@ BUILTIN = [
 ]
 
 
-def written(problem: Any, tmp_path: Path, kind: str = "nl") -> Path:
+def written(problem: Any, tmp_path: Path) -> Path:
     path = tmp_path / "p.nl"
-    storage.save(problem, path, format=kind, force=True)
+    storage.save(problem, path, force=True)
     return path
 
 
@@ -46,9 +45,7 @@ KNOWN += 5 * [Operator.ADD, Operator.LT, Operator.EQ, Operator.NOT, Operator.AND
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(maps(KNOWN, (1, 3), NUMBERS, 30, None))
 def test_a_map_comes_back_bit_for_bit(tmp_path_factory: pytest.TempPathFactory, F: Map) -> None:
-    folder = tmp_path_factory.mktemp("map")
-    for kind in FORMATS:
-        assert storage.load(written(NCP(F=F), folder, kind)).maps()["F"] == F
+    assert storage.load(written(NCP(F=F), tmp_path_factory.mktemp("map"))).maps()["F"] == F
 
 
 def test_what_the_format_has_no_number_for_is_refused(tmp_path: Path) -> None:
@@ -106,17 +103,6 @@ def test_casadi_reads_the_values_that_the_problem_has(address: str, tmp_path: Pa
 
 
 # ---------------------------------------------------------------------------------------- written by hand
-
-
-def text(
-    *segments: str, n: int = 2, m: int = 1, objectives: int = 0, pairs: int = 0, jacobian: int = 0, gradient: int = 0
-) -> str:
-    """A file with these segments."""
-    header = [
-        "g3 1 1 0\t# problem by-hand", f" {n} {m} {objectives} 0 0\t# vars", f" {m} {objectives} 0 {pairs} 0 0", " 0 0",
-        f" {n} {n} {n}", " 0 0 0 1", " 0 0 0 0 0", f" {jacobian} {gradient}", " 0 0", " 0 0 0 0 0",
-    ]  # fmt: skip
-    return "\n".join([*header, *segments, ""])
 
 
 def load(tmp_path: Path, content: str | bytes) -> Any:
@@ -179,32 +165,6 @@ def test_operators_have_their_value_in_text_and_binary(case: str, tmp_path: Path
         problem = load(tmp_path, content)
         assert isinstance(problem, NLP)
         assert problem.h(np.array([1.5, 0.25]))[0] == pytest.approx(value, rel=1e-15)
-
-
-def binary(segments: list[str], order: str = "<", **sizes: int) -> bytes:
-    """The same file in binary, by an encoder that shares nothing with cpbench's."""
-    header = text(**sizes).replace("g3", "b3").replace(" 0 0 0 1\n", f" 0 0 {1 if order == '<' else 2} 1\n", 1)
-    found = header.encode()
-    for before, line in zip(["", *segments], segments, strict=False):
-        words = line.split()
-        first = words[0]
-        if before in ("o11", "o12", "o54"):
-            found += struct.pack(f"{order}i", int(first))
-        elif first in ("0", "1", "2", "3", "4", "5") and len(words) != 2:
-            found += first.encode() + b"".join(struct.pack(f"{order}d", float(w)) for w in words[1:])
-        elif first[0] in "nsl":
-            kind = {"n": "d", "s": "h", "l": "i"}[first[0]]
-            found += first[:1].encode() + struct.pack(order + kind, (float if kind == "d" else int)(first[1:]))
-        elif first[0].isalpha():
-            numbers = [first[1:], *words[1:]] if first[1:] else words[1:]
-            found += first[:1].encode() + b"".join(struct.pack(f"{order}i", int(w)) for w in numbers)
-        elif line == "4 0":
-            found += b"4" + struct.pack(f"{order}d", 0.0)
-        else:
-            found += struct.pack(f"{order}i", int(first)) + b"".join(
-                struct.pack(f"{order}d", float(w)) for w in words[1:]
-            )
-    return found
 
 
 def test_big_endian_files_are_read(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ class NLFile(Exchange):
     summary = "one .nl file of AMPL; the answer is problem.sol, as solvers write it that are called with -AMPL"
     suffix = nl.SUFFIX
     answer_name = "problem.sol"
-    nodes = frozenset(nl_write.WRITERS)
+    nodes = nl_write.NODES
 
     def obstacle(self, problem: Problem) -> str | None:
         why = super().obstacle(problem)
@@ -46,8 +46,8 @@ class NLFile(Exchange):
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
         """Write the problem; the format has no dense matrices, whatever `dense` asks for."""
-        if problem.node not in nl_write.WRITERS:
-            able = ", ".join(sorted(nl_write.WRITERS))
+        if problem.node not in nl_write.NODES:
+            able = ", ".join(sorted(nl_write.NODES))
             raise FormatError(path, "", f"nl takes {able}, not a problem of type {problem.node}")
         write_atomic(path, nl.NL().encode(problem, compress=False), force=True)
 
