@@ -220,7 +220,7 @@ def _divided(low: float, high: float, at_low: Callable[[float], bool], width: fl
 
 
 def _narrowed(low: _At, high: _At, below: bool, decide: Callable[[float], HoldAnswer], width: float) -> list[_At]:
-    """Return the ends of an interval after it was divided by exact proofs and linear programs, as far as they decide;
+    """Return the ends of an interval after it was divided by exact proofs and their hints, as far as they decide;
     `below` : whether the lower end is what holds."""
     while high[0] - low[0] > width * high[0]:
         value = 0.5 * (low[0] + high[0])

@@ -7,15 +7,13 @@ is accurate at the limit too, where the forces themselves may have none.
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench_lab.certificates.hold_programs import Balance, scaled
+from cpbench_lab.certificates.hold_programs import Balance, contact_cones, scaled, solved
 
 ACCURACIES = (1e-13, 1e-10)
 """What Clarabel is asked for, one after the other until the answer is clear; it may stop early when asked for much."""
@@ -46,13 +44,14 @@ def distance(balance: Balance) -> Distance:
     """Return the bounds on the distance of a load; a coefficient inf stands for tangential forces without a limit."""
     units, _, column = scaled(balance)
     m, n = units.A.shape
-    blocks, sizes = _cones(units)
+    blocks, sizes = contact_cones(units.mu, units.d, n)
     load = sp.block_array([[None, sp.csc_array([[-1.0]])], [-units.A, sp.csc_array((m, 1))]], format="csc")
     rows = sp.vstack([load, sp.hstack([blocks, sp.csc_array((blocks.shape[0], 1))])], format="csc")
     right = np.concatenate([[0.0], units.f, np.zeros(blocks.shape[0])])
     found = Distance(-np.inf, np.inf, np.zeros(n))
     for accuracy in ACCURACIES:
-        x, z = _solved(np.append(np.zeros(n), 1.0), rows, right, [("cone", m + 1), *sizes], accuracy)
+        answer = solved(np.append(np.zeros(n), 1.0), rows, right, [("cone", m + 1), *sizes], accuracy)
+        x, z = answer or (np.zeros(n), np.zeros(m + 1))
         below, above, r = _bounds(units, x[:n], z[1 : m + 1])
         r = found.r if found.above < above else r * column
         found = Distance(max(below, found.below), min(above, found.above), r)
@@ -97,26 +96,6 @@ def nearest_factor(balance: Balance, load: Vector) -> tuple[float, Distance]:
     return max(float(found.r[balance.rows]), 0.0), found
 
 
-def _cones(balance: Balance) -> tuple[Any, list[tuple[str, int]]]:
-    """Return the rows G of −Gr = (μ r_N, r_T) at every contact, and their cones."""
-    rows, cones = [], []
-    for c, mu in enumerate(balance.mu.tolist()):
-        at = c * balance.d
-        tangents = range(at + 1, at + balance.d)
-        if 0.0 < mu < np.inf:
-            rows += [(at, -mu), *((k, -1.0) for k in tangents)]
-            cones.append(("cone", balance.d))
-            continue
-        rows.append((at, -1.0))
-        cones.append(("above", 1))
-        if mu == 0.0:
-            rows += [(k, -1.0) for k in tangents]
-            cones.append(("zero", balance.d - 1))
-    columns, values = zip(*rows, strict=True) if rows else ((), ())
-    where: Any = (np.array(values, float), (np.arange(len(rows)), np.array(columns, int)))
-    return sp.csc_array(where, shape=(len(rows), balance.A.shape[1])), cones
-
-
 def _inside(balance: Balance, x: Vector) -> Vector:
     """Return the unknowns with the force at each contact moved into its cone."""
     r = x[: balance.rows].reshape(-1, balance.d).copy()
@@ -124,17 +103,3 @@ def _inside(balance: Balance, x: Vector) -> Vector:
     size, room = np.linalg.norm(r[:, 1:], axis=1), np.where(r[:, 0] > 0.0, balance.mu, 0.0) * r[:, 0]
     r[:, 1:] *= np.where(size > room, room / np.where(size > 0.0, size, 1.0), 1.0)[:, None]
     return np.append(r, x[balance.rows :])
-
-
-def _solved(cost: Vector, G: Any, h: Vector, cones: list[tuple[str, int]], accuracy: float) -> tuple[Vector, Vector]:
-    """Return x and the multipliers of min costᵀx with h − Gx in the cones."""
-    clarabel: Any = importlib.import_module("clarabel")  # slow to import, and without types
-
-    kinds = {"zero": clarabel.ZeroConeT, "above": clarabel.NonnegativeConeT, "cone": clarabel.SecondOrderConeT}
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = accuracy
-    none = sp.csc_array((cost.size, cost.size))
-    found = clarabel.DefaultSolver(none, cost, G, h, [kinds[kind](size) for kind, size in cones], settings).solve()
-    return np.asarray(found.x), np.asarray(found.z)

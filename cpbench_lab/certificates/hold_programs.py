@@ -1,9 +1,9 @@
-"""Linear programs that give hints on whether forces hold a load (`holding`): forces with the largest margin to the
-cones of friction, and motions that gain by the load."""
+"""Cone programs that give hints on whether forces hold a load (`holding`): forces with the largest margin to the cones
+of friction, and motions that gain by the load."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,14 +11,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation import matrices
-from cpbench.foundation.matrices import Dense, Vector, power_of_two
+from cpbench.foundation.matrices import Vector, power_of_two
 
-ACCURACY = 1e-10
-"""HiGHS' least feasibility tolerance."""
+ACCURACY = 1e-12
+"""What Clarabel is asked for."""
 CLOSE = 1e-9
-"""A margin below which a linear program does not tell the two answers apart."""
-DIRECTIONS = 16
-"""Cuts of a disk that a first motion strictly inside the dual cones is sought with."""
+"""A margin below which a cone program does not tell the two answers apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,95 +47,74 @@ def scaled(balance: Balance) -> tuple[Balance, Vector, Vector]:
     return replace(balance, A=right, f=row * f * load), row * load, column
 
 
-def directions(d: int, count: int) -> list[Vector]:
-    """Return unit vectors of tangents, about the circle or both ways along the line."""
-    if d == 2:
-        return [np.array([1.0]), np.array([-1.0])][: 2 if count else 0]
-    angles = 2.0 * np.pi / max(count, 1) * np.arange(count)
-    return [np.array([np.cos(angle), np.sin(angle)]) for angle in angles.tolist()]
-
-
-def _cone_rows(balance: Balance, cuts: Sequence[Sequence[Vector]]) -> Any:
-    """Return the rows of μ r_N − cᵀr_T for each cut c, and of r_N, over all unknowns."""
-    entries: list[tuple[int, int, float]] = []
-    at = 0
-    for c, own in enumerate(cuts):
-        for cut in own:
-            entries.append((at, c * balance.d, float(balance.mu[c])))
-            entries += [(at, c * balance.d + 1 + k, -float(value)) for k, value in enumerate(cut)]
-            at += 1
-        entries.append((at, c * balance.d, 1.0))
-        at += 1
-    i, j, values = zip(*entries, strict=True) if entries else ((), (), ())
-    where: Any = (np.array(values, float), (np.array(i, int), np.array(j, int)))
-    return sp.csr_array(where, shape=(at, balance.A.shape[1]))
-
-
-def with_most_margin(balance: Balance, cuts: Sequence[Sequence[Vector]]) -> tuple[Vector, float, Vector] | None:
-    """Return forces with Ar + f = 0 and the largest margin s ≤ 1 to all cuts; s; the multipliers of the equations."""
-    rows, n = _cone_rows(balance, cuts), balance.A.shape[1]
-    low = np.full(n, -np.inf)
-    high = np.full(n, np.inf)
-    for c in np.flatnonzero(balance.mu == 0.0).tolist():
-        low[c * balance.d + 1 : (c + 1) * balance.d] = high[c * balance.d + 1 : (c + 1) * balance.d] = 0.0
-    margin = sp.csr_array(np.ones((rows.shape[0], 1)))
-    found = _least(
-        np.append(np.zeros(n), -1.0),
-        sp.hstack([-rows, margin], format="csr"),
-        np.zeros(rows.shape[0]),
-        sp.hstack([balance.A, sp.csr_array((balance.f.size, 1))], format="csr"),
-        -balance.f,
-        np.column_stack([np.append(low, -np.inf), np.append(high, 1.0)]),
+def with_most_margin(balance: Balance) -> tuple[Vector, float, Vector] | None:
+    """Return forces with Ar + f = 0 and the largest margin s ≤ 1: (μ r_N − s, r_T) is in the cone and r_N ≥ s; s; the
+    multipliers of the equations. None where no forces at all balance the load."""
+    m, n = balance.A.shape
+    cones, kinds = contact_cones(balance.mu, balance.d, n)
+    starts = np.cumsum([0, *(size for _, size in kinds)])[:-1]
+    margin = np.zeros(cones.shape[0])
+    margin[[at for at, (kind, _) in zip(starts, kinds, strict=True) if kind != "zero"]] = 1.0
+    normal = sp.csc_array(
+        (-np.ones(balance.mu.size), (np.arange(balance.mu.size), np.arange(0, balance.rows, balance.d))),
+        shape=(balance.mu.size, n),
     )
-    if found is None:
-        return None
-    return found.x[:n], float(found.x[n]), np.asarray(found.eqlin.marginals)
-
-
-def outside_disks(balance: Balance, x: Vector, margin: float) -> list[int]:
-    """Return the contacts whose forces are outside the disk with half the margin."""
-    r = x[: balance.rows].reshape(-1, balance.d)
-    size = np.sqrt(np.einsum("ij,ij->i", r[:, 1:], r[:, 1:]))
-    return np.flatnonzero(size > balance.mu * r[:, 0] - 0.5 * margin + CLOSE).tolist() if balance.d == 3 else []
-
-
-def add_cuts(cuts: list[list[Vector]], outside: Sequence[int], balance: Balance, x: Vector) -> bool:
-    """Add the cuts along the forces of contacts; returns whether any is new."""
-    r, before = x[: balance.rows].reshape(-1, balance.d), sum(map(len, cuts))
-    for c in outside:
-        size = float(np.linalg.norm(r[c, 1:]))
-        if size > 0.0 and balance.mu[c] > 0.0:
-            new = r[c, 1:] / size
-            if all(float(new @ cut) < 1.0 - 1e-14 for cut in cuts[c]):
-                cuts[c].append(new)
-    return sum(map(len, cuts)) > before
+    G = sp.block_array(
+        [[balance.A, None], [cones, margin[:, None]], [normal, np.ones((balance.mu.size, 1))], [None, np.ones((1, 1))]],
+        format="csc",
+    )
+    h = np.concatenate([-balance.f, np.zeros(cones.shape[0] + balance.mu.size), [1.0]])
+    kinds = [("zero", m), *kinds, ("above", balance.mu.size + 1)]
+    found = solved(np.append(np.zeros(n), -1.0), G, h, kinds, ACCURACY)
+    return None if found is None else (found[0][:n], float(found[0][n]), found[1][:m])
 
 
 def inward_motion(balance: Balance) -> Vector | None:
     """Return a motion strictly inside all dual cones, its entries at most 1; None where there is none."""
-    wide = 1.0 / np.cos(np.pi / DIRECTIONS) if balance.d == 3 else 1.0
-    cuts = [[mu * wide * cut for cut in directions(balance.d, DIRECTIONS)] if mu else [] for mu in balance.mu.tolist()]
-    over = _cone_rows(replace(balance, mu=np.ones(balance.mu.size)), cuts) @ balance.A.T
-    n = balance.f.size
-    joints = sp.csr_array(balance.A.T[balance.rows :])
-    found = _least(
-        np.append(np.zeros(n), -1.0),
-        sp.hstack([-over, sp.csr_array(np.ones((over.shape[0], 1)))], format="csr"),
-        np.zeros(over.shape[0]),
-        sp.hstack([joints, sp.csr_array((joints.shape[0], 1))], format="csr"),
-        np.zeros(joints.shape[0]),
-        np.vstack([np.full((n, 2), (-1.0, 1.0)), (-np.inf, 1.0)]),
-    )
-    return found.x[:n] if found is not None and found.x[n] > CLOSE else None
+    n, nc, d = balance.f.size, balance.mu.size, balance.d
+    factor = np.ones((nc, d))
+    factor[:, 1:] = balance.mu[:, None]
+    u = sp.diags_array(-factor.ravel()) @ balance.A.T[: balance.rows]
+    margin = np.tile(np.eye(1, d)[0], nc)[:, None]
+    joints, box = balance.A.T[balance.rows :], sp.vstack([sp.eye_array(n), -sp.eye_array(n)])
+    G = sp.block_array([[u, margin], [joints, None], [box, None], [None, np.ones((1, 1))]], format="csc")
+    h = np.concatenate([np.zeros(balance.rows + joints.shape[0]), np.ones(2 * n + 1)])
+    kinds = [*[("cone", d)] * nc, ("zero", joints.shape[0]), ("above", 2 * n + 1)]
+    found = solved(np.append(np.zeros(n), -1.0), G, h, kinds, ACCURACY)
+    return found[0][:n] if found is not None and found[0][n] > CLOSE else None
 
 
-def _least(cost: Vector, above: Any, side: Vector, equal: Any, right: Vector, bounds: Dense) -> Any:
-    """Return what HiGHS finds for min costᵀx, above·x ≤ side, equal·x = right, within bounds; None for nothing."""
-    from scipy.optimize import linprog  # slow to import
+def contact_cones(mu: Vector, d: int, columns: int) -> tuple[Any, list[tuple[str, int]]]:
+    """Return the rows G of −Gr = (μ r_N, r_T) at every contact, and their cones."""
+    rows, cones = [], []
+    for c, each in enumerate(mu.tolist()):
+        at = c * d
+        tangents = range(at + 1, at + d)
+        if 0.0 < each < np.inf:
+            rows += [(at, -each), *((k, -1.0) for k in tangents)]
+            cones.append(("cone", d))
+            continue
+        rows.append((at, -1.0))
+        cones.append(("above", 1))
+        if each == 0.0:
+            rows += [(k, -1.0) for k in tangents]
+            cones.append(("zero", d - 1))
+    at_column, values = zip(*rows, strict=True) if rows else ((), ())
+    where: Any = (np.array(values, float), (np.arange(len(rows)), np.array(at_column, int)))
+    return sp.csc_array(where, shape=(len(rows), columns)), cones
 
-    options: Any = {"primal_feasibility_tolerance": ACCURACY, "dual_feasibility_tolerance": ACCURACY}
-    given = {"A_ub": above, "b_ub": side, "bounds": bounds, "method": "highs-ds", "options": options}
-    if equal.shape[0]:
-        given |= {"A_eq": equal, "b_eq": right}
-    found: Any = linprog(cost, **given)
-    return found if found.x is not None and found.status == 0 else None
+
+def solved(
+    cost: Vector, G: Any, h: Vector, cones: list[tuple[str, int]], accuracy: float
+) -> tuple[Vector, Vector] | None:
+    """Return x and the multipliers of min costᵀx with h − Gx in the cones; None where no x is."""
+    clarabel: Any = importlib.import_module("clarabel")  # slow to import, and without types
+
+    kinds = {"zero": clarabel.ZeroConeT, "above": clarabel.NonnegativeConeT, "cone": clarabel.SecondOrderConeT}
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = accuracy
+    none = sp.csc_array((cost.size, cost.size))
+    found = clarabel.DefaultSolver(none, cost, G, h, [kinds[kind](size) for kind, size in cones], settings).solve()
+    return None if "Infeasible" in str(found.status) else (np.asarray(found.x), np.asarray(found.z))

@@ -1,8 +1,8 @@
 """Whether forces at the contacts hold bodies at rest under a load: Ar + f = 0 with r ∈ K_μ at every contact.
 
-For `gfc` A = [H G], the reactions of joints being free, and v = 0; for `fc` A = W and f = q, and u = 0. A linear
-program gives forces with the largest margin s to the cones, K_μ by cuts of its disk that are added where the forces
-leave it. Both answers are proved in rational arithmetic, for the data as they are:
+For `gfc` A = [H G], the reactions of joints being free, and v = 0; for `fc` A = W and f = q, and u = 0. A cone
+program gives forces with the largest margin s to the cones. Both answers are proved in rational arithmetic, for the
+data as they are:
 
     holds           r exact with Ar + f = 0, r_N ≥ 0 and ‖r_T‖² ≤ (μ r_N)² at every contact
     does not hold   v exact with fᵀv > 0, and u = Aᵀv with u_N ≥ 0 and u_N² ≥ μ²‖u_T‖² at every contact, 0 at joints:
@@ -27,20 +27,9 @@ from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.exact_rows import ExactRows, rational, solve_near
-from cpbench_lab.certificates.hold_programs import (
-    CLOSE,
-    Balance,
-    add_cuts,
-    directions,
-    inward_motion,
-    outside_disks,
-    scaled,
-    with_most_margin,
-)
+from cpbench_lab.certificates.hold_programs import CLOSE, Balance, inward_motion, scaled, with_most_margin
 
 Rationals: TypeAlias = list[Any]
-ROUNDS = 40
-"""The most linear programs with more and more cuts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,32 +69,38 @@ def held(balance: Balance) -> HoldAnswer:
     if not balance.f.any():
         return HoldAnswer(True, True, [fmpq(0)] * balance.A.shape[1])
     units, row, column = scaled(balance)
-    cuts = [directions(balance.d, 8 if mu > 0.0 else 0) for mu in balance.mu.tolist()]
-    for _ in range(ROUNDS):
-        found = with_most_margin(units, cuts)
-        if found is None:
-            return _unreachable(balance)
-        x, margin, v = found
-        if margin < 0.0:
-            refuted = _refuted(balance, units, v, row, margin < -CLOSE)
-            if refuted.holds is not None:
-                return refuted
-        if (outside := outside_disks(units, x, max(margin, 0.0))) and add_cuts(cuts, outside, units, x):
-            continue
-        return _confirmed(balance, x * column, margin > CLOSE)
-    return HoldAnswer(None)
+    found = with_most_margin(units)
+    if found is None:
+        return _unreachable(balance)
+    x, margin, v = found
+    if margin < 0.0:
+        refuted = _refuted(balance, units, v, row, margin < -CLOSE)
+        if refuted.holds is not None:
+            return refuted
+    return _confirmed(balance, x * column, margin > CLOSE)
 
 
 def _confirmed(balance: Balance, x: Vector, clear: bool) -> HoldAnswer:
-    """Return that forces near x hold the load, where some are exact; not decided where neither they nor the margin are
-    clear."""
-    used = _with_force(balance)
-    part = _near(sp.csr_array(balance.A)[:, used], [-value for value in rationals(balance.f)], x[used])
-    if part is not None:
-        values = iter(part)
-        exact = [next(values) if at else fmpq(0) for at in used.tolist()]
-        if forces_hold(balance, exact):
-            return HoldAnswer(True, True, exact)
+    """Return that forces near x hold the load, where some are exact, if need be on the edges of cones that x is close
+    to; not decided where neither they nor the margin are clear."""
+    used, A, right = _with_force(balance), sp.csr_array(balance.A), [-value for value in rationals(balance.f)]
+    r = x[: balance.rows].reshape(-1, balance.d)
+    size, close = np.linalg.norm(r[:, 1:], axis=1), CLOSE * np.abs(r).max(initial=0.0)
+    none = (r[:, 0] <= close) & (size <= close)
+    on_edge = np.flatnonzero((abs(size - balance.mu * r[:, 0]) <= close) & (balance.mu > 0.0) & ~none)
+    edges = np.zeros((on_edge.size * (balance.d - 1), balance.A.shape[1]))
+    for k, c in enumerate(on_edge.tolist()):
+        rows, at = slice(k * (balance.d - 1), (k + 1) * (balance.d - 1)), c * balance.d
+        edges[rows, at + 1 : at + balance.d] = np.eye(balance.d - 1)
+        edges[rows, at] = -balance.mu[c] * np.round(r[c, 1:] / size[c], 9)
+    strict = used & ~np.append(np.repeat(none, balance.d), np.zeros(x.size - balance.rows, bool))
+    for some, matrix in ((used, A), (strict, sp.vstack([A, sp.csr_array(edges)], format="csr"))):
+        part = _near(matrix[:, some], right + [fmpq(0)] * (matrix.shape[0] - A.shape[0]), x[some])
+        if part is not None:
+            values = iter(part)
+            exact = [next(values) if at else fmpq(0) for at in some.tolist()]
+            if forces_hold(balance, exact):
+                return HoldAnswer(True, True, exact)
     return HoldAnswer(True if clear else None)
 
 
