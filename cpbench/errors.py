@@ -56,13 +56,13 @@ class NoRoute(CpbenchError):
 class UnknownName(CpbenchError):
     """A name is in no registry; the nearest known ones are offered."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, names: Iterable[str]) -> None:
         import difflib  # not for `cpbench --help`, which no name is sought for
 
-        known = sorted(known)
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        more = f", and {len(known) - LISTED} more" if len(known) > LISTED else ""
-        hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known[:LISTED])}{more}"
+        names = sorted(names)
+        near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+        more = f", and {len(names) - LISTED} more" if len(names) > LISTED else ""
+        hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(names[:LISTED])}{more}"
         if kind == "solver":  # there are many, and some are known only where their file is loaded
             hint = hint if near else "cpbench list solvers --all has the names"
             hint += "; one that a plan file or a plugin declares needs --plugin FILE"

@@ -181,8 +181,8 @@ class Registry(Generic[T]):
         """
         quoted, likely = f'"{name}"', name.replace("-", "_")
         for package in self._waiting():
-            place = importlib.util.find_spec(package)
-            folders = list(place.submodule_search_locations or ()) if place else []
+            module_spec = importlib.util.find_spec(package)
+            folders = list(module_spec.submodule_search_locations or ()) if module_spec else []
             files = [file for folder in folders for file in Path(folder).glob("*.py")]
             for file in sorted(files, key=lambda file: (not likely.startswith(file.stem), file.stem)):
                 texts = [path for path in (file, file.with_suffix(TABLES)) if path.exists()]

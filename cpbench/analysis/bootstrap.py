@@ -124,9 +124,9 @@ def intervals(
         estimate = of(top.sum(axis=0) / bottom.sum(axis=0))
     carrying = (bottom > 0).sum(axis=0)
     for k in np.flatnonzero(np.isfinite(estimate) & (carrying > 1)):
-        own = drawn[np.isfinite(drawn[:, k]), k]  # what drew nothing that counts has no value
+        sample = drawn[np.isfinite(drawn[:, k]), k]  # what drew nothing that counts has no value
         beyond = tail(level, int(carrying[k]) if expanded else 0)
-        ends[:, k] = np.quantile(own, (beyond, 1 - beyond))
+        ends[:, k] = np.quantile(sample, (beyond, 1 - beyond))
     return pd.DataFrame({"estimate": estimate, "low": ends[0], "high": ends[1]})
 
 

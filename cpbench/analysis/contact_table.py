@@ -100,19 +100,19 @@ def _rolling(
     return share, omega, turning > tolerance * np.maximum(r_c, floor)
 
 
-def _loads(states: ContactStates, known: Contacts | None) -> tuple[NDArray[np.int64], NDArray[np.int64], Dense]:
+def _loads(states: ContactStates, geometry: Contacts | None) -> tuple[NDArray[np.int64], NDArray[np.int64], Dense]:
     """Return the bodies, how many contacts hold each, and the sum of the reactions on each."""
-    if known is None or not known.count or not known.knows("bodies"):
+    if geometry is None or not geometry.count or not geometry.knows("bodies"):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3))
-    bodies, positions = np.unique(known.bodies, return_inverse=True)
+    bodies, positions = np.unique(geometry.bodies, return_inverse=True)
     first, second = positions.reshape(-1, 2).T
     closed = (states.state != str(State.OPEN)).astype(np.int64)
     touched = np.zeros(bodies.size, np.int64)
     np.add.at(touched, first, closed)
     np.add.at(touched, second, closed)
-    if not known.knows("frame"):
+    if not geometry.knows("frame"):
         return bodies, touched, np.zeros((0, 3))
-    load, pushed = np.zeros((bodies.size, 3)), forces(states, known)
+    load, pushed = np.zeros((bodies.size, 3)), forces(states, geometry)
     np.add.at(load, first, pushed)
     np.subtract.at(load, second, pushed)
     return bodies, touched, load

@@ -84,10 +84,10 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
         if fingerprint not in answered:
             continue
         parts = [
-            f"it is proved to be {what} (row of {named(own['label'])})"
+            f"it is proved to be {what} (row of {named(answers['label'])})"
             if by_proof
-            else f"{named(own['label'])} claim{'s' if own['label'].nunique() == 1 else ''} that it is {what}"
-            for (by_proof, what), own in rows.groupby(["proved", "claim"], sort=True)
+            else f"{named(answers['label'])} claim{'s' if answers['label'].nunique() == 1 else ''} that it is {what}"
+            for (by_proof, what), answers in rows.groupby(["proved", "claim"], sort=True)
         ]
         both = pd.concat([rows, answered[fingerprint]])
         labels = answered[fingerprint]["label"]

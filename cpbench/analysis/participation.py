@@ -41,8 +41,8 @@ def participating(group: pd.DataFrame) -> pd.DataFrame:
     The number of problems does not depend on which solvers are installed: where a problem would be left without a
     row, all rows stay.
     """
-    there = group["label"][group["status"] != str(Status.UNAVAILABLE)].unique()
-    present = group["label"].isin(there)
+    available = group["label"][group["status"] != str(Status.UNAVAILABLE)].unique()
+    present = group["label"].isin(available)
     prints = group["fingerprint"]
     if present.all() or prints[present].nunique() < prints.nunique():
         return group

@@ -78,8 +78,8 @@ def mean_times(rows: pd.DataFrame, times: pd.DataFrame) -> Mapping[str, float]:
     limit = means.charge(times, rows_of.limit(rows))
     slowest = float(seconds.max(initial=FLOOR, where=finite))
     stationary = rows_of.spread(rows, (rows["status"] == str(Status.STATIONARY)).to_numpy(), False)
-    there = stationary.reindex(index=times.index, columns=times.columns, fill_value=False).to_numpy(dtype=bool)
-    charged = np.where(finite, seconds, np.where(there, slowest, max(limit, FLOOR)))
+    stationary_at = stationary.reindex(index=times.index, columns=times.columns, fill_value=False).to_numpy(dtype=bool)
+    charged = np.where(finite, seconds, np.where(stationary_at, slowest, max(limit, FLOOR)))
     average = np.exp(np.log(charged).mean(axis=0)) if len(charged) else np.full(charged.shape[1], math.nan)
     by_label = dict(zip((str(label) for label in times), average.tolist(), strict=True))
     if math.isnan(limit):

@@ -130,8 +130,8 @@ def _missed(ranked: Sequence[RankedSolver], rows: pd.DataFrame) -> list[str]:
         return []
     solved = rows_of.solved(rows)
     theirs = rows.loc[solved & (rows["label"] == safest[0].solver), "fingerprint"]
-    own = rows[(rows["label"] == ranked[0].solver) & ~solved]
-    missed = own[own["fingerprint"].isin(theirs)]
+    solver_rows = rows[(rows["label"] == ranked[0].solver) & ~solved]
+    missed = solver_rows[solver_rows["fingerprint"].isin(theirs)]
     if not 0 < len(missed) <= NAMED:
         return [f"it missed {len(missed)} of those"] if len(missed) else []
     names = [f"{row['problem']} ({_how(row)})" for _, row in missed.iterrows()]

@@ -46,8 +46,8 @@ def near(table: pd.DataFrame) -> pd.Series[bool]:
     ...                    1e-7], "target_error": [math.nan, math.nan, 1e-6]})).tolist()
     [True, False, False]
     """
-    own = table["target_error"].notna()
-    factor = (table["target_error"] / target_tolerance(table)).where(own, table["error"] / table["tolerance"])
+    measured = table["target_error"].notna()
+    factor = (table["target_error"] / target_tolerance(table)).where(measured, table["error"] / table["tolerance"])
     return (factor > 1.0) & (factor <= NEAR)
 
 
@@ -123,8 +123,8 @@ def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
     """
     columns = ["label", "kind", "status", "claim", "error", "tolerance", "target_error", "target_tolerance"]
     inexact = table.loc[~rows_of.exact(table), columns]
-    unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= target_tolerance(inexact)
-    done = there | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
+    unmeasured, met = inexact["target_error"].isna(), inexact["target_error"] <= target_tolerance(inexact)
+    done = met | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
     facts = {"pairs": True, "solved": rows_of.solved(inexact), "missed": done & ~rows_of.met(inexact)}
     keys = [inexact["label"], inexact["kind"]]
     counts = pd.DataFrame(facts, index=inexact.index).astype(int).groupby(keys, sort=True).sum()

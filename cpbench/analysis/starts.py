@@ -101,8 +101,8 @@ def honoured(table: pd.DataFrame) -> list[str]:
         started, message = rows["started"].fillna("").astype(str), rows["message"].fillna("").astype(str)
         without = (rows["status"] == str(Status.UNSUPPORTED)) & message.str.contains(_NO_START)
         cold = started.str.startswith(COLD)
-        own = rows[BEGAN] if BEGAN in rows else rows["start"]  # several starts of a file have one policy
-        texts = zip(started[~cold], own[~cold], strict=True)
+        of_start = rows[BEGAN] if BEGAN in rows else rows["start"]  # several starts of a file have one policy
+        texts = zip(started[~cold], of_start[~cold], strict=True)
         other = [text.removeprefix(begun).lstrip(",: ") for text, begun in texts if text not in ("", begun)]
         reasons = [*started[cold], *("unsupported: " + message[without]), *(f"warm, {text}" for text in other)]
         if reasons:

@@ -74,13 +74,13 @@ def beside(group: pd.DataFrame, part: str, tolerance: float) -> pd.DataFrame:
     [2, 1, 0, 1]
     """
     theirs = group["parts"].map(lambda parts: json.loads(parts or "{}").get(part, math.nan)).astype(float)
-    known = theirs.notna() & np.isfinite(group["error"])
+    comparable = theirs.notna() & np.isfinite(group["error"])
     passes, they = group["error"] <= tolerance, theirs <= tolerance
-    labels = group["label"][known].astype(object)
-    medians = pd.DataFrame({"error": group["error"], "part": theirs})[known].groupby(labels).median()
+    labels = group["label"][comparable].astype(object)
+    medians = pd.DataFrame({"error": group["error"], "part": theirs})[comparable].groupby(labels).median()
     passed = pd.DataFrame({"both": passes & they, "ours": passes & ~they, "theirs": ~passes & they})
     medians.insert(0, "answers", labels.value_counts())
-    return medians.join(passed[known].astype(int).groupby(labels).sum())
+    return medians.join(passed[comparable].astype(int).groupby(labels).sum())
 
 
 def size_ranges(group: pd.DataFrame) -> dict[str, tuple[int, int]]:

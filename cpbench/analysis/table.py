@@ -81,21 +81,21 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
     if nameless.any():
         series["fingerprint"] = series["fingerprint"].where(~nameless, series["problem"])
     clean = pd.DataFrame(series, index=table.index, copy=False)
-    if not columns:  # found from all rows: groups of them, and reports without some, would miss what contradicts
+    if not columns:  # taken from all rows: groups of them, and reports without some, would miss what contradicts
         conflicts = contradicted(clean)
         clean = clean.drop(columns=CONTRADICTED, errors="ignore").assign(**{CONTRADICTED: conflicts})
-    places = _order(clean)
-    if (np.diff(places) != 1).any():
-        clean = clean.take(places)
+    order = _order(clean)
+    if (np.diff(order) != 1).any():
+        clean = clean.take(order)
     clean.index = pd.RangeIndex(len(clean))
     return clean
 
 
 def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
-    """Code each value by its place among the distinct ones in ascending order; text is compared once a name.
+    """Code each value by its number among the distinct ones in ascending order; text is compared once a name.
 
-    >>> place, names = codes(pd.Series(["b", "a", "b"]))
-    >>> place.tolist(), names.tolist()
+    >>> numbers, names = codes(pd.Series(["b", "a", "b"]))
+    >>> numbers.tolist(), names.tolist()
     ([1, 0, 1], ['a', 'b'])
     """
     numbers, names = pd.factorize(values, sort=True)
@@ -104,10 +104,10 @@ def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
 
 def _order(clean: pd.DataFrame) -> Integers:
     """Return the positions of the rows by problem, fingerprint, label and key."""
-    places = [codes(clean[name])[0] for name in ("label", "fingerprint", "problem")]
-    order = np.lexsort(places)
-    same = np.all([np.diff(place[order]) == 0 for place in places], axis=0)
-    return np.lexsort([codes(clean["key"])[0], *places]) if same.any() else order  # no two keys are alike
+    columns = [codes(clean[name])[0] for name in ("label", "fingerprint", "problem")]
+    order = np.lexsort(columns)
+    same = np.all([np.diff(column[order]) == 0 for column in columns], axis=0)
+    return np.lexsort([codes(clean["key"])[0], *columns]) if same.any() else order  # no two keys are alike
 
 
 def _text(values: pd.Series) -> pd.Series[str]:
@@ -157,8 +157,8 @@ def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
         if len(claims):
             problem = ["fingerprint", "measure"]
             tightest = table[table["status"].isin(statuses)].groupby(problem)["tolerance"].min()
-            there = tightest.reindex(pd.MultiIndex.from_frame(claims[problem])).to_numpy()
-            result[claims.index] = there <= claims["tolerance"].to_numpy()
+            smallest = tightest.reindex(pd.MultiIndex.from_frame(claims[problem])).to_numpy()
+            result[claims.index] = smallest <= claims["tolerance"].to_numpy()
     return result
 
 

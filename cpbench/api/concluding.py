@@ -57,9 +57,9 @@ def quote_collection(store: Store) -> None:
         entries = catalogue()
     except CpbenchError:  # no problems are installed
         return
-    own = {entry.fingerprint for entry in entries}
+    listed = {entry.fingerprint for entry in entries}
     fingerprints = {row.fingerprint for row in store.rows()}
-    if fingerprints & own:
+    if fingerprints & listed:
         whole = identity(entries)
         store.set_meta(
             **{
@@ -67,7 +67,7 @@ def quote_collection(store: Store) -> None:
                     "name": whole.name,
                     "problems": whole.problems,
                     "sha256": whole.digest,
-                    "here": len(fingerprints & own),
+                    "here": len(fingerprints & listed),
                 }
             }
         )

@@ -129,7 +129,7 @@ def _remarks(assembly: Assembly) -> list[str]:
 def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], results: Path) -> list[str]:
     """Return where the problems are; those from memory are written into a pack beside the results."""
     given = [problems] if isinstance(problems, (str, Path, Problem)) else list(problems)
-    own: Mapping[str, Problem] = {}
+    problems_of_user: Mapping[str, Problem] = {}
     addresses: list[str] = []
     pack = results.with_suffix(".problems.h5")
     for number, one in enumerate(given, 1):
@@ -137,10 +137,10 @@ def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], 
             addresses.append(str(one))
             continue
         name = one.name or f"problem-{number}"
-        if name in own and own[name].fingerprint != one.fingerprint:
+        if name in problems_of_user and problems_of_user[name].fingerprint != one.fingerprint:
             raise CpbenchError(f"problems: two are called '{name}'; give each its own name")
-        own = {**own, name: one}
-    if own:
-        storage.save_pack(own, pack, force=True)
-        addresses += [f"{pack}::{name}" for name in own]
+        problems_of_user = {**problems_of_user, name: one}
+    if problems_of_user:
+        storage.save_pack(problems_of_user, pack, force=True)
+        addresses += [f"{pack}::{name}" for name in problems_of_user]
     return addresses

@@ -59,11 +59,11 @@ class Block:
         first, others = self.pairs[:count], self.pairs[count:]
         return self._only(first, self.known), self._only(others, self.known) if others else None
 
-    def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
+    def _only(self, pairs: tuple[Pair, ...], endings: Mapping[str, Ending]) -> Block:
         keys = {pair.key for pair in pairs}
         before = {key: pair for key, pair in self.before.items() if key in keys}
         wanted = {pair.key for pair in before.values()} - keys
-        return Block(pairs, before, {key: known[key] for key in wanted if key in known})
+        return Block(pairs, before, {key: endings[key] for key in wanted if key in endings})
 
 
 def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callable[[str], Ending]) -> list[Block]:

@@ -143,13 +143,13 @@ class RecordedIterates:
 
     def judged(self, errors: Mapping[int, tuple[float, tuple[str, ...]]]) -> History:
         """Return the history of the iterates whose error and flags are given, by their places."""
-        places = sorted(errors)
+        measured = sorted(errors)
         return History(
-            time=self.time[places],
-            iteration=self.iteration[places],
-            residual=self.residual[places],
-            error=np.array([errors[k][0] for k in places]),
-            flags=tuple(",".join(errors[k][1]) for k in places),
+            time=self.time[measured],
+            iteration=self.iteration[measured],
+            residual=self.residual[measured],
+            error=np.array([errors[k][0] for k in measured]),
+            flags=tuple(",".join(errors[k][1]) for k in measured),
             solve=self.solve,
             cost=self.cost,
             calls=self.calls,

@@ -78,14 +78,14 @@ def parse_start(text: str) -> StartPolicy:
     ('file', 2)
     """
     name, colon, number = text.strip().partition(":")
-    known = [str(kind) for kind in StartKind]
-    if name in known and not colon:
+    kinds = [str(kind) for kind in StartKind]
+    if name in kinds and not colon:
         return StartPolicy(StartKind(name))
     if name == StartKind.FILE and number == "all":
         return StartPolicy(StartKind.FILE, guess=EVERY)
     if name == StartKind.FILE and number:
         return StartPolicy(StartKind.FILE, guess=_counted(text, number))
-    raise UnknownName("start", text, [*known, "file:K", "file:all"])
+    raise UnknownName("start", text, [*kinds, "file:K", "file:all"])
 
 
 def one_start(text: str) -> StartPolicy:

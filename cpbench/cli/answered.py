@@ -191,13 +191,13 @@ class Answered:
     def record(self) -> dict[str, Any]:
         """Return what was measured with its problem and label, as JSON takes it."""
         measured = {name: getattr(self.outcome, name) for name in MEASURED}
-        known = {name: value for name, value in measured.items() if value is not None}
+        measured_values = {name: value for name, value in measured.items() if value is not None}
         objective = self._objective()
         more: dict[str, Any] = {} if objective is None else {"objective": objective}
         if self.problem is not None and self.point is not None and self.outcome.status not in PROVEN:
             parts: Mapping[str, Vector] = own_parts(self.problem, self.point)
-            known["answer"] = {name: values.tolist() for name, values in parts.items()}
-        return {"problem": self.name, "solver": self.label, **more, **known}
+            measured_values["answer"] = {name: values.tolist() for name, values in parts.items()}
+        return {"problem": self.name, "solver": self.label, **more, **measured_values}
 
     def _objective(self) -> float | None:
         return None if self.problem is None or self.point is None else objective_of(self.problem, self.point)
@@ -237,8 +237,8 @@ class Answered:
         if row.error is not None:
             yield f"  error      {error_text(row.error)}, asked for {self.tolerance:.3g}; claimed {row.claim}"
         if row.route != "direct" and row.target_error is not None:
-            there, wanted = row.target_error, row.target_tolerance
-            yield f"  there      {error_text(there)}, asked for {wanted:.3g}: the error on the solver's own problem"
+            error, wanted = row.target_error, row.target_tolerance
+            yield f"  there      {error_text(error)}, asked for {wanted:.3g}: the error on the solver's own problem"
         if row.flags:
             yield f"  flags      {row.flags}"
         for name, value in json.loads(row.parts or "{}").items():
@@ -286,5 +286,5 @@ def _command(*words: str) -> str:
 
 def _near(path: str) -> str:
     """Return a path from this folder on where it lies below it, else as it is."""
-    place, here = Path(path), Path.cwd()
-    return str(place.relative_to(here)) if place.is_absolute() and place.is_relative_to(here) else path
+    file, here = Path(path), Path.cwd()
+    return str(file.relative_to(here)) if file.is_absolute() and file.is_relative_to(here) else path

@@ -56,10 +56,10 @@ def _sets(assembly: Assembly) -> Iterator[str]:
     for part in assembly.parts:
         name = f"set {part.problem_set.name}: " if part.problem_set.name else ""
         tolerances = ", ".join(f"{tolerance:g}" for tolerance in part.problem_set.tolerance)
-        there = f"{counted(len(part.problems), 'problem')} x {counted(len(part.entries), 'solver')} with options"
+        extent = f"{counted(len(part.problems), 'problem')} x {counted(len(part.entries), 'solver')} with options"
         routes = "+".join(part.problem_set.via) or part.problem_set.allowed_routes
         pairs = counted(len(part.pairs), "pair")
-        yield f"{name}{there}, routes {routes}, tolerance {tolerances}: {pairs} that a route may reach"
+        yield f"{name}{extent}, routes {routes}, tolerance {tolerances}: {pairs} that a route may reach"
 
 
 def _bound(todo: Sequence[Pair], run_plan: RunPlan) -> str:

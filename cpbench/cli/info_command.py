@@ -66,13 +66,13 @@ def command(files: tuple[str, ...], measure: bool, data: bool, file_format: str 
     if len(addresses) > MANY and not data:
         _print_many(addresses, file_format)
         return
-    known = measure and "facts" in extensions.added(extensions.HOOKS)
+    with_facts = measure and "facts" in extensions.added(extensions.HOOKS)
     for address in addresses:
         problem = storage.load(address, format=file_format)
         if data:
             click.echo(show.text(problem))
             continue
-        facts = extensions.hook("facts")(problem) if known else ()
+        facts = extensions.hook("facts")(problem) if with_facts else ()
         print_lines(_lines(address, problem, facts, len(storage.guesses(address))))
 
 
@@ -132,8 +132,8 @@ def _sequence_lines(members: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for name, *step in (member["step"] for member in members if member["step"] is not None):
         sequences.setdefault(name, []).append(step)
     for name, steps in sequences.items():
-        dt, times, contacts, known = zip(*steps, strict=True)
-        ids = "ids in all" if all(known) else f"ids in {sum(known)}" if any(known) else "no ids"
+        dt, times, contacts, identified = zip(*steps, strict=True)
+        ids = "ids in all" if all(identified) else f"ids in {sum(identified)}" if any(identified) else "no ids"
         of = f"sequence {printable(name)}: {counted(len(steps), 'step')}, dt = {_range(dt)} s, to {max(times):g} s"
         yield f"{of}, {_range(contacts)} contacts, {ids}"
 

@@ -87,7 +87,7 @@ class PlotCommand(click.Command):
 
 def _parameters(kind: FigureKind, given: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the parameters of the kind, each of the type of its default, and the settings by which rows are chosen."""
-    own: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     settings: dict[str, str] = {}
     parameters = [*kind.options, *(SETTINGS if _draws_runs(kind.name) else ())]
     for text in given:
@@ -95,10 +95,10 @@ def _parameters(kind: FigureKind, given: tuple[str, ...]) -> tuple[dict[str, Any
         if name not in parameters:
             raise UnknownName(f"parameter of {kind.name}, in -p NAME=VALUE", name, parameters)
         if name in kind.options:
-            own[name] = click.types.convert_type(type(kind.options[name])).convert(value, None, None)
+            options[name] = click.types.convert_type(type(kind.options[name])).convert(value, None, None)
         else:
             settings[name] = value
-    return own, settings
+    return options, settings
 
 
 @click.command(cls=PlotCommand)
@@ -149,10 +149,12 @@ def command(
     for name in OF_PROBLEM if of_runs else OF_ROWS:
         if given.pop(name):
             raise click.UsageError(f"--{name}: a figure of {'runs' if of_runs else 'problems'} has no such choice")
-    own, settings = _parameters(chosen, parameters)
+    options, settings = _parameters(chosen, parameters)
     column = canvas.narrow(width)
     with canvas.drawing(formulas=not of_runs):
-        drawn = _drawn_run(chosen, own, **settings, **given) if of_runs else _drawn_problem(chosen, own, **given)
+        drawn = (
+            _drawn_run(chosen, options, **given, **settings) if of_runs else _drawn_problem(chosen, options, **given)
+        )
         canvas.resize(drawn.figure, width, height)
     with canvas.drawing():
         canvas.write(drawn, output, bare=bare, guide=not column)
@@ -162,7 +164,7 @@ def command(
 
 def _drawn_run(
     kind: FigureKind,
-    own: Mapping[str, Any],
+    options: Mapping[str, Any],
     file: str | None,
     tolerance: float | None,
     publishable: bool,
@@ -178,7 +180,7 @@ def _drawn_run(
     with Store(_required(file, "RESULTS")) as store:
         table, histories = RunTable.of(store.table(), store.meta()), history.table(store.histories())
         run = assembled(table, Path(), histories, publishable=publishable)
-    return kind.draw(run, choice, **own)
+    return kind.draw(run, choice, **options)
 
 
 def _required(file: str | None, what: str) -> Path:
@@ -189,7 +191,7 @@ def _required(file: str | None, what: str) -> Path:
 
 def _drawn_problem(
     kind: FigureKind,
-    own: Mapping[str, Any],
+    options: Mapping[str, Any],
     file: str | None,
     file_format: str | None,
     answer: Path | None,
@@ -212,4 +214,4 @@ def _drawn_problem(
             remedy = "is missing; give an answer with --answer FILE (cpbench solve makes one)"
             raise FormatError(str(file), "solution", remedy)
         point = None if stored is None else stored[0]
-    return kind.draw(problem, point, **own)
+    return kind.draw(problem, point, **options)

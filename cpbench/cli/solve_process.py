@@ -154,14 +154,14 @@ def _answered(request: SolveRequest, work: Work) -> Answered:
             outcome = replace(outcome, started=started)
         work.begin(WARMING)
         routed.solver.warmup()
-        solution, there = solve_there(
+        solution, target_error = solve_there(
             problem, routed, request.tolerance, request.limits.seconds, point, on_phase=work.begin
         )
     except (NotApplicable, Unavailable) as refusal:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
         refused = replace(outcome, status=str(status), message=str(refusal))
         return Answered(request.address, problem.name, problem.node, label, request.tolerance, refused)
-    return _of(request.address, solution, there, outcome)
+    return _of(request.address, solution, target_error, outcome)
 
 
 def _routed(problem: Problem, request: SolveRequest) -> RoutedSolver:
@@ -188,9 +188,9 @@ def _start(
     return begin.point, begin.description
 
 
-def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answered:
-    """Return a solution as the outcome of a solve, with `there`, its error on the solver's own problem; where forces
-    are not unique with those of least norm, if these pass, too."""
+def _of(address: str, solution: Solution, target_error: float, known: Outcome) -> Answered:
+    """Return a solution as the outcome of a solve, with `target_error`, its error on the solver's own problem; where
+    forces are not unique with those of least norm, if these pass, too."""
     if solution and isinstance(solution.problem, ContactProblem):
         least = least_forces(solution.problem, solution.point, solution.tolerance)
         if least is not None and (verdict := verify(solution.problem, least, tolerance=solution.tolerance)).solved:
@@ -201,7 +201,7 @@ def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answe
         status=str(solution.status),
         claim=solution.claim or None,
         error=verdict.error,
-        target_error=there,
+        target_error=target_error,
         flags=",".join(verdict.flags),
         message=solution.message,
         parts=json.dumps({**verdict.judged, **verdict.parts}),

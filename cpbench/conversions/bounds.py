@@ -86,6 +86,6 @@ def amplification(moved: Vector, constants: Vector) -> float:
     >>> amplification(np.array([50.0, 0.0, 9.0]), np.array([1.0, 0.0, 9.0]))
     3.0
     """
-    there = constants != 0.0
-    ratios = np.abs(moved[there]) / np.abs(constants[there])
-    return min(1.0 + 2.0 * float(ratios.min(initial=np.inf)), MOST) if there.any() else 1.0
+    nonzero = constants != 0.0
+    ratios = np.abs(moved[nonzero]) / np.abs(constants[nonzero])
+    return min(1.0 + 2.0 * float(ratios.min(initial=np.inf)), MOST) if nonzero.any() else 1.0

@@ -69,8 +69,8 @@ class Congruence:
         height, width = self.left.shape[1], self.right.shape[1]
         rows = np.matmul(self.left.T, W.reshape(nc, d, nc * d)).reshape(nc * height * nc, d)
         M = (rows @ self.right).reshape(nc, height, nc, width)
-        own = np.arange(nc)
-        M[own, :, own, :] += np.einsum("cs,skl->ckl", coefficients, self.blocks)
+        diagonal = np.arange(nc)
+        M[diagonal, :, diagonal, :] += np.einsum("cs,skl->ckl", coefficients, self.blocks)
         return M.reshape(nc * height, nc * width)
 
     def _products(self, W: Sparse, coefficients: Dense) -> Sparse:

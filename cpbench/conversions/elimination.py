@@ -297,10 +297,10 @@ def _by_touched(left: Sparse, factor: Factorization, right: Sparse) -> Matrix | 
     bundle = np.zeros((rest.size, width))
     bundle[into.row, np.searchsorted(beside, code) - first[part[into.row]]] = into.data
     solved = parts.solve(bundle)
-    place = first[part[back.col]][:, None] + np.arange(width)
-    here = place < first[part[back.col] + 1][:, None]
+    position = first[part[back.col]][:, None] + np.arange(width)
+    here = position < first[part[back.col] + 1][:, None]
     terms = (back.data[:, None] * solved[back.col])[here]
-    at = np.broadcast_to(back.row[:, None], here.shape)[here], beside[place[here]] % touched.size
+    at = np.broadcast_to(back.row[:, None], here.shape)[here], beside[position[here]] % touched.size
     less = sp.csr_array((terms, at), shape=(touched.size, touched.size))
     outer = Factorization(matrices.sparse(A[touched][:, touched] - less))
     return _sparse_product(matrices.sparse(left[:, touched]), outer, matrices.sparse(right[touched]))

@@ -78,9 +78,9 @@ class PolygonEdge(Conversion):
         normal, tangential, velocity = split(point, trace, 1 + k * len(disks))
         columns: list[Dense | Vector] = [normal]
         for disk, coefficient in enumerate(disks):
-            own = slice(k * disk, k * (disk + 1))
-            columns.append(coordinates(tangential[:, own], D, coefficient * normal))
-            columns.append(np.maximum((-velocity[:, 1:][:, own] @ D).max(axis=1, initial=0.0), 0.0))
+            disk_forces = slice(k * disk, k * (disk + 1))
+            columns.append(coordinates(tangential[:, disk_forces], D, coefficient * normal))
+            columns.append(np.maximum((-velocity[:, 1:][:, disk_forces] @ D).max(axis=1, initial=0.0), 0.0))
         return LCPPoint(z=np.column_stack(columns).ravel())
 
 
@@ -132,14 +132,14 @@ def congruence(D: Dense, disks: int = 1) -> Congruence:
     width = 1 + disks * (count + 1)
     embed = np.zeros((1 + disks * k, width))
     embed[0, 0] = 1.0
-    own, *bounds = np.zeros((1 + disks, width, width))
+    block, *bounds = np.zeros((1 + disks, width, width))
     for disk, bound in enumerate(bounds):
         first = 1 + disk * (count + 1)
         forces, multiplier = slice(first, first + count), first + count
         embed[1 + disk * k : 1 + (disk + 1) * k, forces] = D
-        own[forces, multiplier], own[multiplier, forces] = 1.0, -1.0
+        block[forces, multiplier], block[multiplier, forces] = 1.0, -1.0
         bound[multiplier, 0] = 1.0
-    return Congruence(embed, embed, np.stack([own, *bounds]))
+    return Congruence(embed, embed, np.stack([block, *bounds]))
 
 
 def coefficients(*bounds: Vector) -> Dense:

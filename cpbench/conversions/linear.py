@@ -260,23 +260,23 @@ def _match(A: Sparse, C: Sparse, wanted: Sparse) -> Sparse | None:
     scale, source = np.ones(n), np.full(n, -1)
     # rows that v does not enter come last: their scale is free, and is read off from the rows placed before them
     for key in sorted(groups[0], key=lambda k: k == _ZERO):
-        rows, places = np.array(groups[0][key]), np.array(groups[1][key])
-        block = matrices.dense(A[rows][:, places])
+        rows, positions = np.array(groups[0][key]), np.array(groups[1][key])
+        block = matrices.dense(A[rows][:, positions])
         if key == _ZERO:
-            factor, score = _free_scales(A, block, rows, places, scale, source)
+            factor, score = _free_scales(A, block, rows, positions, scale, source)
         else:
-            factor = _leading(wanted, places)[None, :] / _leading(C, rows)[:, None]
+            factor = _leading(wanted, positions)[None, :] / _leading(C, rows)[:, None]
             score = factor * block
         from scipy.optimize import linear_sum_assignment  # slow to import
 
         chosen, at = linear_sum_assignment(score, maximize=True)
-        source[places[at]] = rows[chosen]
-        scale[places[at]] = factor[chosen, at]
+        source[positions[at]] = rows[chosen]
+        scale[positions[at]] = factor[chosen, at]
     return sp.csr_array((scale, (np.arange(n), source)), shape=(n, n))
 
 
 def _free_scales(
-    A: Sparse, block: Dense, rows: NDArray[Any], places: NDArray[Any], scale: Vector, source: NDArray[Any]
+    A: Sparse, block: Dense, rows: NDArray[Any], positions: NDArray[Any], scale: Vector, source: NDArray[Any]
 ) -> tuple[Dense, Dense]:
     """Return scales and scores of the pairs (row, place) of rows that v does not enter.
 
@@ -285,7 +285,7 @@ def _free_scales(
     """
     placed = np.flatnonzero(source >= 0)
     across = matrices.dense(A[rows][:, placed])
-    down = scale[placed][:, None] * matrices.dense(A[source[placed]][:, places])
+    down = scale[placed][:, None] * matrices.dense(A[source[placed]][:, positions])
     product = across @ down
     row_norm, column_norm = np.linalg.norm(across, axis=1)[:, None], np.linalg.norm(down, axis=0)[None, :]
     both = (row_norm > 0.0) & (column_norm > 0.0)

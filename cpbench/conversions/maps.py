@@ -100,9 +100,9 @@ def as_cone(problem: SimpleSetProblem) -> ProductCone:
     at = 0
     for kind, size, mu, mu_r in zip(K.kind, K.size.astype(int).tolist(), K.mu, K.mu_r, strict=True):
         if kind == Cone.FREE:
-            own = bounded[at : at + size]
-            ends = [0, *(np.flatnonzero(np.diff(own)) + 1).tolist(), size] if size else [0]
-            parts += [(Cone(int(own[a])), 1, b - a) for a, b in itertools.pairwise(ends)]
+            kinds = bounded[at : at + size]
+            ends = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), size] if size else [0]
+            parts += [(Cone(int(kinds[a])), 1, b - a) for a, b in itertools.pairwise(ends)]
         else:
             parts.append((Cone(int(kind)), 1, size, mu, mu_r))
         at += size

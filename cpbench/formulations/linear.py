@@ -413,8 +413,8 @@ class AVI(AffineProblem):
     ) -> dict[str, float]:
         z_scale = max(top(z, self.moving), self.z_unit)
         forces = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit) or 1.0
-        own = own_scale(z_scale, self.lb, self.moving)
-        measured = {"unit_free": box_residuals(z, F, self.lb, self.ub, own, forces)}
+        scale = own_scale(z_scale, self.lb, self.moving)
+        measured = {"unit_free": box_residuals(z, F, self.lb, self.ub, scale, forces)}
         if self.b.size:
             sizes = row_sizes(self.A)
             row_scale = np.maximum(np.abs(self.b) / sizes, z_scale)

@@ -116,8 +116,8 @@ class Stack:
 
     def pieces(self, entries: int) -> Iterator[slice]:
         """Yield slices of problems with about so many numbers each."""
-        own = max(sum(a[0].size for a in self.arrays.values()), 1)
-        step = max(entries // own, 1)
+        entries_of_one = max(sum(a[0].size for a in self.arrays.values()), 1)
+        step = max(entries // entries_of_one, 1)
         for begin in range(0, self.count, step):
             yield slice(begin, min(begin + step, self.count))
 

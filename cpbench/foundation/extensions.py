@@ -72,10 +72,10 @@ def summary(module: str) -> str:
     from pathlib import Path
 
     package, *inner = module.split(".")
-    place = find_spec(package)  # that of a module within would import its package
-    above = [] if place is None else [Path(folder, *inner) for folder in place.submodule_search_locations or ()]
+    spec = find_spec(package)  # that of a module within would import its package
+    above = [] if spec is None else [Path(folder, *inner) for folder in spec.submodule_search_locations or ()]
     files = [file for path in above for file in (path.with_suffix(".py"), path / "__init__.py")]
-    if place is not None and place.origin is not None and not inner:
-        files = [Path(place.origin)]
+    if spec is not None and spec.origin is not None and not inner:
+        files = [Path(spec.origin)]
     text = next((file.read_text("utf-8") for file in files if file.is_file()), "")
     return " ".join((ast.get_docstring(ast.parse(text)) or "").split("\n\n")[0].split())

@@ -100,11 +100,11 @@ def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
         if sizes.size != members.size:
             here = np.flatnonzero(block >= 0)
             block, at, value = block[here], at[here], value[here]
-            place = (block * size + position[row[here]]) * size + position[at]
+            entry = (block * size + position[row[here]]) * size + position[at]
         else:
-            place = (block * size + position[row]) * size + position[at]
+            entry = (block * size + position[row]) * size + position[at]
         values = np.zeros(members.size * size * size)
-        values[place] = value
+        values[entry] = value
         unknowns = order[first[members][:, None] + np.arange(size)]
         result.append(Blocks(unknowns, values.reshape(members.size, size, size)))
     return result

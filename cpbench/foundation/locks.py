@@ -93,19 +93,19 @@ RUN, EXCHANGE = "cpbench-run-", "cpbench-handed-"
 
 
 class TemporaryHome:
-    """A folder with a lock beside it for as long as the process lives that owns it, in `place`, by default where the
+    """A folder with a lock beside it for as long as the process lives that owns it, in `parent`, by default where the
     system keeps temporary files.
 
     A lock tells the living from the dead where process numbers do not: across containers, and across machines that
     share their temporary files. Raises CpbenchError where no folder can be made.
     """
 
-    def __init__(self, prefix: str, place: Path | None = None) -> None:
-        place = place or Path(tempfile.gettempdir())
-        remove_abandoned(prefix, place)
+    def __init__(self, prefix: str, parent: Path | None = None) -> None:
+        parent = parent or Path(tempfile.gettempdir())
+        remove_abandoned(prefix, parent)
         self._lock: Lock | None = None
         while self._lock is None:
-            self.folder = place / f"{prefix}{uuid.uuid4().hex[:12]}"
+            self.folder = parent / f"{prefix}{uuid.uuid4().hex[:12]}"
             try:
                 self._lock = Lock(self.folder)  # before there is anything to remove
                 self.folder.mkdir(mode=0o700)
@@ -113,7 +113,7 @@ class TemporaryHome:
                 continue
             except OSError as cause:
                 why = cause.strerror or cause
-                raise CpbenchError(f"{place}: no temporary folder can be made there ({why}); set TMPDIR") from None
+                raise CpbenchError(f"{parent}: no temporary folder can be made there ({why}); set TMPDIR") from None
 
     def remove(self) -> None:
         """Remove the folder with all that is in it; harmless when done before."""
@@ -123,9 +123,9 @@ class TemporaryHome:
             lock.release()
 
 
-def remove_abandoned(prefix: str, *places: Path) -> None:
+def remove_abandoned(prefix: str, *folders: Path) -> None:
     """Delete the folders whose processes no longer live (kill -9 leaves them)."""
-    for left in (path for place in places for path in place.glob(f"{prefix}*.lock")):
+    for left in (path for parent in folders for path in parent.glob(f"{prefix}*.lock")):
         folder = left.with_suffix("")
         try:
             lock = Lock(folder)

@@ -142,8 +142,8 @@ def _require_finite(array: NDArray[Any], label: str) -> None:
     if not _all_finite(array):
         bad = ~np.isfinite(array)
         where = tuple(int(i) for i in np.argwhere(bad)[0])
-        place = where[0] if len(where) == 1 else where
-        raise ProblemError(label, f"has {int(bad.sum())} non-finite entries, the first at {place}")
+        index = where[0] if len(where) == 1 else where
+        raise ProblemError(label, f"has {int(bad.sum())} non-finite entries, the first at {index}")
 
 
 # ---------------------------------------------------------------------------------------------- reshape
@@ -383,8 +383,8 @@ def _without_empty_rows(M: Matrix) -> Matrix:
     full = count <= FULL_ROWS or entries.nnz > FULL_SHARE * count * count
     if not full and count == used.size:
         return M
-    place = np.cumsum(used) - 1
-    smaller = sp.coo_array((entries.data, (place[row], place[column])), shape=(count, count))
+    index = np.cumsum(used) - 1
+    smaller = sp.coo_array((entries.data, (index[row], index[column])), shape=(count, count))
     return smaller.toarray() if full else sp.csr_array(smaller)
 
 

@@ -174,11 +174,11 @@ def _arrivals(
         why = edge.obstacle(before.problem)
         kind = before.kind
         if why is None:  # a promise means something only where the edge applies
-            own = edge.exactness(before.problem)
-            kind = weakest((kind, own))
-            if own not in kinds and edge.name not in pinned:
+            exactness = edge.exactness(before.problem)
+            kind = weakest((kind, exactness))
+            if exactness not in kinds and edge.name not in pinned:
                 because = f" because {reason}" if (reason := edge.reservation(before.problem)) else ""
-                why = f"is {own} for this problem{because}; only {', '.join(sorted(kinds))} routes were asked for"
+                why = f"is {exactness} for this problem{because}; only {', '.join(sorted(kinds))} routes were asked for"
         if why is None:
             arrives = edge.target == target and not prefix.left
             if arrives and not finish:

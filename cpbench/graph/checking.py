@@ -195,9 +195,9 @@ def _largest_ratio(problem: Problem, converted: Problem, steps: int, point: Any)
     largest = 0.0
     for _ in range(MOVES):
         moved = {name: part + _scale(part) * rng.standard_normal(part.size) for name, part in parts.items()}
-        there = type(point)(**moved)
-        back = graph.lift(converted, there, steps)
-        largest = max(largest, ratio(problem.residuals(back).error, converted.residuals(there).error))
+        moved_point = type(point)(**moved)
+        back = graph.lift(converted, moved_point, steps)
+        largest = max(largest, ratio(problem.residuals(back).error, converted.residuals(moved_point).error))
     return largest
 
 

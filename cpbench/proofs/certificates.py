@@ -78,20 +78,20 @@ class ProofAttempt:
 
 def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
     """Test whether the proof is one of every problem within the tolerance of this one, by nothing but its numbers."""
-    known, goal = conditions(problem), objective(problem)
+    polyhedron, goal = conditions(problem), objective(problem)
     if isinstance(proof, Infeasible):
-        return known is not None and contradiction(known, proof.multipliers) > tolerance
-    if known is None or goal is None or not known.contains(proof.point):
+        return polyhedron is not None and contradiction(polyhedron, proof.multipliers) > tolerance
+    if polyhedron is None or goal is None or not polyhedron.contains(proof.point):
         return False
-    return falling(known, goal, optimality(known, goal), proof.ray) > tolerance
+    return falling(polyhedron, goal, optimality(polyhedron, goal), proof.ray) > tolerance
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
     """Return whether a solver's certificate proves that no problem within the tolerance of this one has a solution
     (`margins`)."""
-    known = conditions(problem)
+    polyhedron = conditions(problem)
     given = multipliers(problem, certificate)
-    return known is not None and bool(_infeasible(known, given, tolerance).proof)
+    return polyhedron is not None and bool(_infeasible(polyhedron, given, tolerance).proof)
 
 
 def prove(
@@ -106,15 +106,15 @@ def prove(
     `certificate` is a solver's vector for this very problem; without one, or where it leads nowhere, linear programs
     give hints. The proof holds for all numbers within the `tolerance` of those of the problem, as `margins` defines it.
     """
-    known, goal = conditions(problem), objective(problem)
-    if known is None or (kind == Unbounded.kind and goal is None):
+    polyhedron, goal = conditions(problem), objective(problem)
+    if polyhedron is None or (kind == Unbounded.kind and goal is None):
         return ProofAttempt(None, f"{kind} was claimed; no proof of that is known for {problem.node}")
     import_module("scipy.optimize")  # takes a second once, which is no part of the search
     deadline = time.perf_counter() + seconds
     if goal is not None and kind == Unbounded.kind:
-        return _unbounded(known, goal, deadline, tolerance)
-    vectors = chain(multipliers(problem, certificate), hints.multipliers(known, deadline))
-    return _infeasible(known, vectors, tolerance)
+        return _unbounded(polyhedron, goal, deadline, tolerance)
+    vectors = chain(multipliers(problem, certificate), hints.multipliers(polyhedron, deadline))
+    return _infeasible(polyhedron, vectors, tolerance)
 
 
 def packed(proof: Proof) -> bytes:
@@ -131,11 +131,11 @@ def unpacked(kind: str, data: bytes) -> Proof:
         raise ValueError(f"no proof of kind {kind!r} ({type(cause).__name__}: {cause})") from None
 
 
-def _infeasible(known: Polyhedron, vectors: Iterable[Vector], tolerance: float) -> ProofAttempt:
+def _infeasible(polyhedron: Polyhedron, vectors: Iterable[Vector], tolerance: float) -> ProofAttempt:
     """Return the first proof among the vectors, or the largest margin."""
     best = 0.0
-    for y in chain.from_iterable(_settled(known, vector) for vector in vectors):
-        best = max(best, contradiction(known, y))
+    for y in chain.from_iterable(_settled(polyhedron, vector) for vector in vectors):
+        best = max(best, contradiction(polyhedron, y))
         if best > tolerance:
             return _proved(Infeasible(y), best)
     if best > 0.0:
@@ -167,19 +167,19 @@ def _settled(P: Polyhedron, vector: Vector) -> Iterator[Vector]:
         yield settled
 
 
-def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: float) -> ProofAttempt:
+def _unbounded(polyhedron: Polyhedron, goal: Objective, deadline: float, tolerance: float) -> ProofAttempt:
     """Return the first proof among the rays of the hints."""
-    if bool((np.isfinite(known.lb) & np.isfinite(known.ub)).all()):
+    if bool((np.isfinite(polyhedron.lb) & np.isfinite(polyhedron.ub)).all()):
         return ProofAttempt(None, "unbounded was claimed; all unknowns are bounded")
-    inside, best = hints.interior_point(known, deadline), 0.0
-    point = None if inside is None else np.clip(inside, known.lb, known.ub)
-    if point is None or not known.contains(point):
+    inside, best = hints.interior_point(polyhedron, deadline), 0.0
+    point = None if inside is None else np.clip(inside, polyhedron.lb, polyhedron.ub)
+    if point is None or not polyhedron.contains(point):
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints")
-    optimal = optimality(known, goal)
-    curved = (ray / np.abs(ray).max() for ray in hints.rays(known, goal, deadline))
+    optimal = optimality(polyhedron, goal)
+    curved = (ray / np.abs(ray).max() for ray in hints.rays(polyhedron, goal, deadline))
     flat = chain.from_iterable(_settled(optimal, ray) for ray in hints.multipliers(optimal, deadline))
     for ray in chain(flat, curved):
-        best = max(best, falling(known, goal, optimal, ray))
+        best = max(best, falling(polyhedron, goal, optimal, ray))
         if best > tolerance:
             return _proved(Unbounded(point, ray), best)
     if best > 0.0:

@@ -67,12 +67,12 @@ class Sizes:
             size = np.maximum(np.maximum(low, -high), IDLE * met)
             largest = np.zeros(m + n)
             np.maximum.at(largest, part, size * unit)
-            own = np.where(largest > 0.0, largest, 1.0)[part] / unit
+            sizes = np.where(largest > 0.0, largest, 1.0)[part] / unit
         empty = np.concatenate([A.sum(axis=1), A.sum(axis=0)]) == 0.0
-        own[empty] = np.delete(size, np.arange(count, m)).max(initial=0.0) or 1.0
-        own = np.nan_to_num(own, posinf=1e300)
+        sizes[empty] = np.delete(size, np.arange(count, m)).max(initial=0.0) or 1.0
+        sizes = np.nan_to_num(sizes, posinf=1e300)
         ends = np.maximum(np.abs(low[m:]), np.abs(high[m:]))
-        return cls(own[:count], own[m:], np.minimum(REACH * own[m:], 2.0 * ends + own[m:]))
+        return cls(sizes[:count], sizes[m:], np.minimum(REACH * sizes[m:], 2.0 * ends + sizes[m:]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +151,8 @@ def conditions(problem: Problem) -> Polyhedron | None:
         G, E = matrices.block([[problem.D, problem.B]]), matrices.block([[problem.A, problem.C]])
         return _over(G, -problem.b, E, -problem.a, lb, np.full(free + signed, np.inf), "(u, v)")
     if isinstance(problem, QP):
-        known = _over(problem.A, problem.b, problem.C, problem.d, problem.lb, problem.ub)
-        return replace(known, further=(problem.Q, problem.p))
+        polyhedron = _over(problem.A, problem.b, problem.C, problem.d, problem.lb, problem.ub)
+        return replace(polyhedron, further=(problem.Q, problem.p))
     if isinstance(problem, AVI):
         return _avi(problem)
     if isinstance(problem, FrictionContact):
@@ -168,8 +168,8 @@ def objective(problem: Problem) -> Objective | None:
 def multipliers(problem: Problem, certificate: Vector | None) -> list[Vector]:
     """Return a solver's vector, in the order of its node, in the order of the conditions; none of another size or with
     numbers that are not finite."""
-    known = conditions(problem)
-    if known is None or certificate is None or certificate.size != known.h.size + known.f.size:
+    polyhedron = conditions(problem)
+    if polyhedron is None or certificate is None or certificate.size != polyhedron.h.size + polyhedron.f.size:
         return []
     n = problem.a.size if isinstance(problem, MLCP) else 0  # (y of the equalities, z of the rows)
     return [np.roll(certificate, -n)] if np.isfinite(certificate).all() else []
@@ -211,8 +211,8 @@ def _avi(problem: AVI) -> Polyhedron:
 
 def _contact(problem: FrictionContact) -> Polyhedron:
     n, d = problem.q.size, problem.dimension
-    place = np.arange(n)
-    normal, tangent = place[::d], place[place % d > 0]
+    position = np.arange(n)
+    normal, tangent = position[::d], position[position % d > 0]
     contact, count = tangent // d, np.arange(tangent.size)
     shape = (tangent.size, n)
     friction = sp.csr_array((problem.mu[contact], (count, contact * d)), shape=shape)
@@ -220,9 +220,9 @@ def _contact(problem: FrictionContact) -> Polyhedron:
     W = matrices.sparse(problem.W)
     rows: Matrix = sp.csr_array(sp.vstack([W[normal], friction - force, friction + force], format="csr"))
     sides = np.concatenate([-problem.q[normal], np.zeros(2 * tangent.size)])
-    lb = np.where(place % d == 0, 0.0, -np.inf)
-    known = _over(rows, sides, None, None, lb, np.full(n, np.inf), "r")
-    return replace(known, further=(W[tangent], problem.q[tangent]))
+    lb = np.where(position % d == 0, 0.0, -np.inf)
+    polyhedron = _over(rows, sides, None, None, lb, np.full(n, np.inf), "r")
+    return replace(polyhedron, further=(W[tangent], problem.q[tangent]))
 
 
 def _coneqp(problem: ConeQP) -> Polyhedron | None:
@@ -233,5 +233,5 @@ def _coneqp(problem: ConeQP) -> Polyhedron | None:
     signed, level = np.flatnonzero(kind == Cone.NONNEGATIVE), np.flatnonzero(kind == Cone.ZERO)
     n, A, b = problem.p.size, problem.A, problem.b
     free = np.full(n, np.inf)
-    known = _over(A[signed], -b[signed], A[level], -b[level], -free, free, "x")
-    return replace(known, further=(problem.Q, problem.p))
+    polyhedron = _over(A[signed], -b[signed], A[level], -b[level], -free, free, "x")
+    return replace(polyhedron, further=(problem.Q, problem.p))

@@ -120,14 +120,14 @@ def choose(run: Run, choice: Choice) -> SelectedRows:
     return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, problems, run.line_styles)
 
 
-def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
+def matching(labels: set[str], patterns: Sequence[str], what: str) -> set[str]:
     """Return the names that a pattern stands for; brackets are part of a label."""
     matched: set[str] = set()
     for pattern in patterns:
-        own = {name for name in known if name == pattern or fnmatchcase(name, pattern.replace("[", "[[]"))}
-        if not own:
-            raise UnknownName(what, pattern, known)
-        matched |= own
+        fitting = {name for name in labels if name == pattern or fnmatchcase(name, pattern.replace("[", "[[]"))}
+        if not fitting:
+            raise UnknownName(what, pattern, labels)
+        matched |= fitting
     return matched
 
 

@@ -105,15 +105,15 @@ def precision(rows: pd.DataFrame, kept: pd.DataFrame) -> Table:
     wanted = [error for error in DECADES if (curves["error"] <= error).any()]
     problems = rows["fingerprint"].nunique()
 
-    def cell(own: pd.DataFrame, error: float) -> str:
-        there = own[own["error"] <= error].head(1)
-        if there.empty:
+    def cell(curve: pd.DataFrame, error: float) -> str:
+        met = curve[curve["error"] <= error].head(1)
+        if met.empty:
             return "—"
-        reached = int(there["reached"].iloc[0])
-        return seconds(float(there["seconds"].iloc[0])) + (f" ({reached})" if reached < problems else "")
+        reached = int(met["reached"].iloc[0])
+        return seconds(float(met["seconds"].iloc[0])) + (f" ({reached})" if reached < problems else "")
 
     forms = {"solver": "code", **{f"to {error:g}": "cell" for error in wanted}}
-    lines = ([label, *(cell(own, error) for error in wanted)] for label, own in curves.groupby("label"))
+    lines = ([label, *(cell(curve, error) for error in wanted)] for label, curve in curves.groupby("label"))
     return Table.of(forms, lines)
 
 
@@ -170,7 +170,7 @@ def _claims(run: Run) -> Table:
     counts = reliability.claim_counts(run.read)
     counts = counts[counts["made"] > 0].reset_index()
     native = [bool((run.meta.get("solvers") or {}).get(label, {}).get("native")) for label in counts["label"]]
-    counts = counts.assign(foreign=[not own for own in native]).sort_values(["foreign", "label"], kind="stable")
+    counts = counts.assign(foreign=[not one for one in native]).sort_values(["foreign", "label"], kind="stable")
     names = {"made": "claims made", "confirmed": "confirmed", "near": "near", "false": "false",
              "nonexistence": "false: no solution", "open": "undecided"}  # fmt: skip
     frame = counts[["label", *names]].rename(columns={"label": "solver", **names})

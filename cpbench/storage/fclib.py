@@ -112,12 +112,12 @@ def _require_known(tree: Tree, vectors: Tree, known: Collection[str], names: Col
 
 def _constrained(tree: Tree, vectors: Tree, names: tuple[str, ...], vector: str) -> bool:
     """Return whether bilateral constraints are there: all of their parts or none."""
-    places = {name: name in tree for name in names} | {f"vectors/{vector}": vector in vectors}
-    if any(places.values()) and not all(places.values()):
-        missing = next(place for place, there in places.items() if not there)
-        present = ", ".join(place for place, there in places.items() if there)
-        raise tree.error(missing, f"is missing beside {present}: bilateral constraints need {', '.join(places)}")
-    return all(places.values())
+    fields = {name: name in tree for name in names} | {f"vectors/{vector}": vector in vectors}
+    if any(fields.values()) and not all(fields.values()):
+        missing = next(name for name, held in fields.items() if not held)
+        present = ", ".join(name for name, held in fields.items() if held)
+        raise tree.error(missing, f"is missing beside {present}: bilateral constraints need {', '.join(fields)}")
+    return all(fields.values())
 
 
 def _annotations(parent: Tree, tree: Tree, name: str) -> dict[str, Any]:

@@ -45,34 +45,34 @@ _PLACE = frozenset({"sequence", "contacts"})
 
 def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
     """Write `problem` into the group `parent`; raises OverflowError where FCLIB cannot count that far."""
-    own = parent.create_group("cpbench")
-    put_attribute(own, "format_version", VERSION)
-    put_attribute(own, "node", problem.node)
-    put_attribute(own, "fingerprint", problem.fingerprint)
+    node_group = parent.create_group("cpbench")
+    put_attribute(node_group, "format_version", VERSION)
+    put_attribute(node_group, "node", problem.node)
+    put_attribute(node_group, "fingerprint", problem.fingerprint)
     if problem.name:
-        put_attribute(own, "name", problem.name)
+        put_attribute(node_group, "name", problem.name)
     contact = problem.node in fclib.GROUPS
     if contact:
         fclib.write(parent, problem, compress=compress)
         dense = [name for name, value in problem.data().items() if value.ndim == 2 and not matrices.is_sparse(value)]
         if dense:
-            put_attribute(own, "dense", " ".join(dense))
+            put_attribute(node_group, "dense", " ".join(dense))
     else:
-        _write_data(own, problem, compress=compress)
-        _write_maps(own, problem, compress=compress)
-    write_place(own, problem, compress=compress)
+        _write_data(node_group, problem, compress=compress)
+        _write_maps(node_group, problem, compress=compress)
+    write_place(node_group, problem, compress=compress)
     write_info(parent, problem.info, texts=not contact)
     write_provenance(parent, problem.provenance, compress=compress)
 
 
 def read(parent: Tree, name: str) -> Problem:
     """Read the problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
-    own = parent.child("cpbench")
-    attributes = own.attributes()
-    problem = _read(parent, own, attributes, name)
+    node_group = parent.child("cpbench")
+    attributes = node_group.attributes()
+    problem = _read(parent, node_group, attributes, name)
     written = attributes.get("fingerprint")
     if written is not None and written != problem.fingerprint:
-        raise own.error(
+        raise node_group.error(
             "@fingerprint",
             f"is {str(written)[:16]}…, its numbers have {problem.fingerprint[:16]}…: the file is damaged, or was "
             "changed by another program, which has to remove this attribute",
@@ -80,17 +80,17 @@ def read(parent: Tree, name: str) -> Problem:
     return problem
 
 
-def _read(parent: Tree, own: Tree, attributes: dict[str, Any], name: str) -> Problem:
-    node = _node(own, attributes)
+def _read(parent: Tree, node_group: Tree, attributes: dict[str, Any], name: str) -> Problem:
+    node = _node(node_group, attributes)
     if node in fclib.GROUPS:
-        own.require_known(_PLACE)
+        node_group.require_known(_PLACE)
         return fclib.read(parent, fclib.GROUPS[node], name, node)
     cls = formulations.get(node)
-    vectors = own.child("vectors")
+    vectors = node_group.child("vectors")
     parts: dict[str, Any] = {}
     sizes: dict[str, int] = {}
     declared = [(f.name, f.metadata["shape"]) for f in cls._data_fields()]
-    own.require_known({"vectors", "maps", *_PLACE, *(name for name, shape in declared if len(shape) == 2)})
+    node_group.require_known({"vectors", "maps", *_PLACE, *(name for name, shape in declared if len(shape) == 2)})
     vectors.require_known({name for name, shape in declared if len(shape) == 1})
     for field, shape in declared:
         if len(shape) == 1:
@@ -98,26 +98,27 @@ def _read(parent: Tree, own: Tree, attributes: dict[str, Any], name: str) -> Pro
             sizes.setdefault(shape[0], parts[field].size)
     for field, shape in declared:
         if len(shape) == 2:
-            parts[field] = read_matrix(own, field, (sizes.get(shape[0]), sizes.get(shape[1])))
-    parts |= _read_maps(own, cls, sizes)
-    parts |= _read_fields(own, attributes, cls)
-    parts |= read_place(own)
+            parts[field] = read_matrix(node_group, field, (sizes.get(shape[0]), sizes.get(shape[1])))
+    parts |= _read_maps(node_group, cls, sizes)
+    parts |= _read_fields(node_group, attributes, cls)
+    parts |= read_place(node_group)
     info = read_info(parent, parent.child("info")) if "info" in parent else Info()
     stored = str(attributes.get("name", "")) or name
-    return build(own.path, cls, own.where, name=stored, info=info, provenance=read_provenance(parent), **parts)
+    where = node_group.path, cls, node_group.where
+    return build(*where, name=stored, info=info, provenance=read_provenance(parent), **parts)
 
 
-def _node(own: Tree, attributes: dict[str, Any]) -> str:
+def _node(node_group: Tree, attributes: dict[str, Any]) -> str:
     version = attributes.get("format_version")
     if version != VERSION:
-        raise own.error("@format_version", f"is {version}, this version of cpbench reads {VERSION}")
+        raise node_group.error("@format_version", f"is {version}, this version of cpbench reads {VERSION}")
     node = attributes.get("node")
     if not isinstance(node, str):
-        raise own.error("@node", "is missing, expected the name of a formulation")
+        raise node_group.error("@node", "is missing, expected the name of a formulation")
     try:
         formulations.get(node)
     except UnknownName as cause:
-        raise own.error("@node", str(cause)) from None
+        raise node_group.error("@node", str(cause)) from None
     return node
 
 
@@ -129,23 +130,23 @@ def _scalar_fields(cls: type[Problem]) -> list[str]:
     ]
 
 
-def _write_data(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
-    vectors = own.create_group("vectors")
+def _write_data(node_group: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    vectors = node_group.create_group("vectors")
     for name, value in problem.data().items():
         if value.ndim == 1:
             put_array(vectors, name, matrices.dense(value), compress=compress)
         else:
-            write_matrix(own, name, value, compress=compress)
+            write_matrix(node_group, name, value, compress=compress)
     scalars = {name: getattr(problem, name) for name in _scalar_fields(type(problem))}
     if scalars:
-        put_attribute(own, "fields", json.dumps(scalars))
+        put_attribute(node_group, "fields", json.dumps(scalars))
 
 
-def _write_maps(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
+def _write_maps(node_group: h5py.Group, problem: Problem, *, compress: bool) -> None:
     for name, F in problem.maps().items():
         if not F.rows:
             continue
-        group = own.create_group(f"maps/{name}")
+        group = node_group.create_group(f"maps/{name}")
         put_attribute(group, "inputs", F.inputs)
         operations = np.column_stack([F.heads, F.left, F.right])
         parts = {"constants": F.constants, "operations": operations.astype(np.int32), "outputs": F.outputs}
@@ -155,13 +156,13 @@ def _write_maps(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
             put_text(group, "parameters", json.dumps(dict(F.named)))
 
 
-def _read_maps(own: Tree, cls: type[Problem], sizes: dict[str, int]) -> dict[str, Map]:
+def _read_maps(node_group: Tree, cls: type[Problem], sizes: dict[str, int]) -> dict[str, Map]:
     declared = {f.name: f.metadata["map"][1] for f in dataclasses.fields(cls) if "map" in f.metadata}
     if not declared:
         return {}
     maps: dict[str, Map] = {}
-    if "maps" in own:
-        stored = own.child("maps")
+    if "maps" in node_group:
+        stored = node_group.child("maps")
         stored.require_known(declared)
         maps = {name: _map(stored.child(name)) for name in stored.names()}
     return {
@@ -187,15 +188,15 @@ def _map(stored: Tree) -> Map:
 
 def _parameters(stored: Tree) -> dict[str, int]:
     try:
-        places = json.loads(stored.text("parameters") or "{}")
+        parameters = json.loads(stored.text("parameters") or "{}")
     except ValueError as cause:
         raise stored.error("parameters", f"is not a JSON object ({cause})") from None
-    if not isinstance(places, dict) or not all(type(index) is int for index in places.values()):
+    if not isinstance(parameters, dict) or not all(type(index) is int for index in parameters.values()):
         raise stored.error("parameters", "is not a JSON object of places")
-    return places
+    return parameters
 
 
-def _read_fields(own: Tree, attributes: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:
+def _read_fields(node_group: Tree, attributes: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:
     names = _scalar_fields(cls)
     if not names:
         return {}
@@ -203,9 +204,9 @@ def _read_fields(own: Tree, attributes: dict[str, Any], cls: type[Problem]) -> d
         stored = cast("dict[str, Any]", json.loads(attributes.get("fields", "{}")))
         result = {name: stored[name] for name in names if name in stored}
     except (TypeError, ValueError) as cause:
-        raise own.error("@fields", f"is not a JSON object ({cause})") from None
+        raise node_group.error("@fields", f"is not a JSON object ({cause})") from None
     for name, value in result.items():
         default = cls.__dataclass_fields__[name].default
         if default is not dataclasses.MISSING and type(value) is not type(default):
-            raise own.error("@fields", f"has {name} = {value!r}, expected {type(default).__name__}")
+            raise node_group.error("@fields", f"has {name} = {value!r}, expected {type(default).__name__}")
     return result

@@ -57,8 +57,8 @@ def check_promises_agree(edge: Conversion, cases: list[Case]) -> None:
         assert promise in declared, f"{case.name}: {promise}, declared {', '.join(sorted(declared))}"
         assert target.provenance[-1].kind == promise, f"{case.name}: the step says {target.provenance[-1].kind}"
         for tolerance in (1e-4, 1e-8):
-            there = edge.tolerance(tolerance, target.provenance[-1].trace)
-            assert 0.0 < there <= tolerance, f"{case.name}: asks a solver for {there:.0e} to get {tolerance:.0e}"
+            wanted = edge.tolerance(tolerance, target.provenance[-1].trace)
+            assert 0.0 < wanted <= tolerance, f"{case.name}: asks a solver for {wanted:.0e} to get {tolerance:.0e}"
 
 
 def check_the_input_stays(edge: Conversion, cases: list[Case]) -> None:
@@ -102,10 +102,10 @@ def check_lift_undoes_push(edge: Conversion, cases: list[Case]) -> None:
         if not edge.exactness(case.problem).exact:
             continue
         trace = target.provenance[-1].trace
-        there = edge.push(case.point, trace)
-        error = target.residuals(there).error
+        pushed = edge.push(case.point, trace)
+        error = target.residuals(pushed).error
         assert error <= LIFTED, f"{case.name}: the pushed solution has error {error:.1e} on the target"
-        back = edge.lift(there, trace)
+        back = edge.lift(pushed, trace)
         error = case.problem.residuals(back).error
         assert error <= LIFTED, f"{case.name}: the lifted solution has error {error:.1e} on the source"
 

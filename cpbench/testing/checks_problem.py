@@ -111,10 +111,10 @@ def check_files_keep_them(collection: Collection, cases: list[Case]) -> None:
         pack, table = write_collections(Path(folder), [collection.name])
         tomllib.loads(table.read_text(encoding="utf-8"))
         for instance in collection.instances():
-            place = f"{pack}::{instance.name}"
-            same = storage.load(place).fingerprint == instance.problem.fingerprint
+            address = f"{pack}::{instance.name}"
+            same = storage.load(address).fingerprint == instance.problem.fingerprint
             assert same, f"{instance.name}: is another one when it is read again"
-            assert (storage.solution(place) is None) == (instance.solution is None), f"{instance.name}: its solution"
+            assert (storage.solution(address) is None) == (instance.solution is None), f"{instance.name}: its solution"
 
 
 def check_its_origin_is_written_down(collection: Collection, cases: list[Case]) -> None:

@@ -80,5 +80,5 @@ class AlikeRows:
         at_most = (equal | (self.by_first > 0)) & (also_equal | (self.by_second < 0))
         missed = np.maximum(np.where(at_least, one - other, 0.0), np.where(at_most, other - one, 0.0))
         noise = np.abs(self.by_first) * sums[self.first] + np.abs(self.by_second) * sums[self.second]
-        missed, own = missed - ROUNDING * noise, self.difference @ np.abs(z) + self.constant
-        return np.divide(missed, own, out=np.zeros_like(own), where=(own > 0) & (missed > 0))
+        missed, terms = missed - ROUNDING * noise, self.difference @ np.abs(z) + self.constant
+        return np.divide(missed, terms, out=np.zeros_like(terms), where=(terms > 0) & (missed > 0))

@@ -23,7 +23,7 @@ from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
 from cpbench.verification.systems import BOUNDS
 from cpbench.verification.vanishing import caps
 
-Own: TypeAlias = tuple[Any, Any, list[ConeFactors]]
+SimpleSet: TypeAlias = tuple[Any, Any, list[ConeFactors]]
 """Lower and upper sides of the components of z, and what of them is in cones."""
 
 
@@ -45,10 +45,10 @@ def soclcp(P: Any, point: Any) -> System:
 
     def frame() -> Frame:
         block, (lb, ub, cones) = P.K.blocks, of_product(P.K)
-        own = Sets.of((P.q.size, lb, ub), cones=cones)
+        simple = Sets.of((P.q.size, lb, ub), cones=cones)
         constants = _norms(P.q, block)
         program = np.full(constants.size, matrices.is_symmetric(P.M))
-        return Frame(term_sizes(block_sizes(P.M, block)), constants, own, P.q, block, ~program, program)
+        return Frame(term_sizes(block_sizes(P.M, block)), constants, simple, P.q, block, ~program, program)
 
     return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
@@ -118,14 +118,14 @@ def cp(P: Any, point: Any) -> System:
 def qvi(P: Any, point: Any) -> System:
     """Return (z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
     z = point.z
-    own, block = _simple(P, *P.set_at(z), z.size)
+    simple, block = _simple(P, *P.set_at(z), z.size)
     rows = []
     if P.g.rows:
         g = P.row_values(z)
         whole = sp.csr_array(P.g.jacobian(np.concatenate([z, z])))
         constant = g - whole @ np.concatenate([z, z])
         rows.append(RowGroup(sp.csr_array(whole[:, : z.size]), g, constant, point.nu, curved=True))
-    return _with_rows(P, z, P.F(z), P.F.jacobian(z), own, block, rows, fixed=False)
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), simple, block, rows, fixed=False)
 
 
 @ROWS.of("nlp")
@@ -134,7 +134,7 @@ def nlp(P: Any, point: Any) -> System:
     z, lam, mu = point.z, point.lam, point.mu
     g, h, Jg, Jh = P.g(z), P.h(z), sp.csr_array(P.g.jacobian(z)), sp.csr_array(P.h.jacobian(z))
     gradient = P.f.jacobian(z).toarray().ravel()
-    own, curvature = sp.csr_array(P.f.hessian(z, np.ones(1))), _curvature(P, z, lam, mu)
+    hessian, curvature = sp.csr_array(P.f.hessian(z, np.ones(1))), _curvature(P, z, lam, mu)
     # a derivative that vanishes at the answer says nothing of units: the larger one counts, here or at the start
     by, start = [curvature, abs(sp.csr_array(sp.vstack([Jg, Jh])))], P.at_start
     there = [_curvature(P, start, lam, mu), abs(sp.csr_array(sp.vstack([P.g.jacobian(start), P.h.jacobian(start)])))]
@@ -142,7 +142,7 @@ def nlp(P: Any, point: Any) -> System:
     return _with_rows(
         P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
         [RowGroup(Jg, g, g - Jg @ z, lam), RowGroup(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
-        nu=point.nu, prices=_prices(P, z, gradient, own, gradient - curvature @ z), by=by,
+        nu=point.nu, prices=_prices(P, z, gradient, hessian, gradient - curvature @ z), by=by,
     )  # fmt: skip
 
 
@@ -173,7 +173,7 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 
 
 def _with_rows(
-    P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, rows: Sequence[RowGroup] = (), *,
+    P: Any, z: Vector, force: Vector, slope: Any, simple: SimpleSet, block: Any, rows: Sequence[RowGroup] = (), *,
     nu: Vector | None = None, prices: Vector | None = None, fixed: bool = True, by: Any = None,
 ) -> System:  # fmt: skip
     """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `prices` are the constants
@@ -206,7 +206,7 @@ def _with_rows(
         return Frame(
             terms=sizes if vanishing_caps is not None else term_sizes(sizes),  # caps are of all entries
             constants=np.concatenate([_norms(constant, block), beside]),
-            sets=Sets.of((n, *own[:2]), *((row.value.size, row.lower, np.inf) for row in rows), cones=own[2]),
+            sets=Sets.of((n, *simple[:2]), *((row.value.size, row.lower, np.inf) for row in rows), cones=simple[2]),
             signed=np.concatenate([constant, constants]),
             block=whole,
             multiplier=multiplier,
@@ -246,7 +246,7 @@ def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vecto
     return result
 
 
-def _simple(P: Any, K: Any, lb: Any, ub: Any, n: int) -> tuple[Own, Any]:
+def _simple(P: Any, K: Any, lb: Any, ub: Any, n: int) -> tuple[SimpleSet, Any]:
     """S = {z ∈ K : lb ≤ z ≤ ub}, and the blocks of its components."""
     if not P.cone_kind.size:
         return (lb, ub, []), np.arange(n)

@@ -41,8 +41,8 @@ def mixed(P: Any, point: Any) -> ContactAnswer:
     miss = P.V.T @ r + P.R @ lam + P.s
     u, sums = P.W @ r + P.V @ lam + P.q, W @ np.abs(r) + V @ np.abs(lam) + np.abs(P.q)
     masses = inverse(np.abs(P.R.diagonal()))
-    own = abs(P.V).T @ np.abs(r) + abs(P.R) @ np.abs(lam) + np.abs(P.s)
-    others = _energies(P, label, [(label[P.q.size :], masses, miss, P.s, own)])
+    terms = abs(P.V).T @ np.abs(r) + abs(P.R) @ np.abs(lam) + np.abs(P.s)
+    others = _energies(P, label, [(label[P.q.size :], masses, miss, P.s, terms)])
     off = None if P.factorization.singular or not lam.size else P.V @ P.factorization.solve(miss)
     return _at(P, r, u, sums, part, off, others)
 
@@ -180,5 +180,5 @@ def _energies(P: Any, label: Any, rows: list[tuple[Any, Vector, Vector, Vector, 
         np.add.at(energy, at, energies)
     energy = np.where(energy > FAR_BELOW**2 * energy.max(initial=0.0), energy, energy.max(initial=0.0))
     unit = np.where(energy > 0, inverse(np.sqrt(energy)), 1.0)
-    shares = [(np.sqrt(m) * np.abs(e) * unit[at], np.abs(e) * inverse(own)) for at, m, e, _, own in rows]
+    shares = [(np.sqrt(m) * np.abs(e) * unit[at], np.abs(e) * inverse(terms)) for at, m, e, _, terms in rows]
     return np.concatenate([np.where(m > 0, *both) for (_, m, *_), both in zip(rows, shares, strict=True)])

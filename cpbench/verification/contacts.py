@@ -75,9 +75,10 @@ def contact_error(at: ContactAnswer, problem: Groups | None = None) -> AnswerErr
     for miss, some in missed:
         noise = row_norms(at.noise[:, some])
         miss = miss + row_norms(at.off[:, some]) if isinstance(at.off, np.ndarray) else miss
-        own = np.maximum(row_norms(at.q[:, some]), row_norms(speed[:, some]))
-        by_own = OWN * np.divide(np.maximum(miss - noise, 0.0), own, out=np.zeros_like(own), where=own * unit > SMALL)
-        error, floor = np.maximum(error, np.maximum(miss * unit, by_own)), np.maximum(floor, noise * unit)
+        norm = np.maximum(row_norms(at.q[:, some]), row_norms(speed[:, some]))
+        over, counts = np.maximum(miss - noise, 0.0), norm * unit > SMALL
+        by_norm = OWN * np.divide(over, norm, out=np.zeros_like(norm), where=counts)
+        error, floor = np.maximum(error, np.maximum(miss * unit, by_norm)), np.maximum(floor, noise * unit)
     if at.others is not None:
         error, floor = np.append(error, at.others), np.append(floor, np.zeros_like(at.others))
     return AnswerError(error, floor, bool(absolute.any()), strict=True)

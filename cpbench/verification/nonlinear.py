@@ -49,8 +49,8 @@ def row_errors(system: System) -> AnswerError:
     share = frame.norms(system.f) * f_unit
     f_unit *= np.divide(definite, share, out=np.ones_like(share), where=share > definite)
     # the largest effect on a row, per unit, as far as the row is definite
-    own, top = sizes[terms.indices], definite[row]
-    most = np.divide(top, own, out=np.where(top > 0, np.inf, 0.0), where=own > 0)
+    size, top = sizes[terms.indices], definite[row]
+    most = np.divide(top, size, out=np.where(top > 0, np.inf, 0.0), where=size > 0)
     x_unit = largest_of(terms.indices, np.minimum(terms.data * inverse(scale)[row], most), frame.k)
     alone = largest_of(terms.indices, terms.data, frame.k) == 0
     x_unit = np.maximum(np.where(alone | homogeneous, 1.0, x_unit), _bound_units(system))
@@ -85,10 +85,10 @@ def _definite(system: System, row: Any, scale: Vector) -> Vector:
     sizes = system.sizes[terms.indices]
     effect = terms.data * inverse(scale)[row] * sizes
     top = np.where((terms.data > 0) & (sizes > 0), np.inf if caps is None else caps.entries, 0.0)
-    own = np.where(system.fixed & (system.sizes > 0), np.inf, 0.0)
+    by_unknown = np.where(system.fixed & (system.sizes > 0), np.inf, 0.0)
     while True:  # each unknown and row gives what it has been given, as far as it goes
-        own = np.maximum(own, largest_of(terms.indices, np.minimum(effect, definite[row]), frame.k))
-        wider = np.maximum(definite, largest_of(row, np.minimum(top, own[terms.indices]), frame.k))
+        by_unknown = np.maximum(by_unknown, largest_of(terms.indices, np.minimum(effect, definite[row]), frame.k))
+        wider = np.maximum(definite, largest_of(row, np.minimum(top, by_unknown[terms.indices]), frame.k))
         if not (wider > definite).any():
             return definite
         definite = wider

@@ -161,23 +161,23 @@ class ConeFactors:
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         if self.round:
             return row_norms(self.defect(x, f, x_unit, f_unit))[:, None]
-        own, other, _ = self._in_units(x, f, x_unit, f_unit)
-        outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
+        inner, other, _ = self._in_units(x, f, x_unit, f_unit)
+        outside = row_norms(inner - project(self.kind, inner, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
         return np.maximum(outside, negative)[:, None]
 
     def products(self, x: Vector, f: Vector) -> Vector:
-        own, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
+        inner, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
         result = np.zeros(self.at.shape)
-        result[:, 0] = np.einsum("ij,ij->i", own, other)
+        result[:, 0] = np.einsum("ij,ij->i", inner, other)
         if self.round:  # the least of ⟨y, f⟩ over the set is below 0
             result[:, 0] += self.mu * row_norms(self._round_part(other))
         return result
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        own, other, unit = self._in_units(x, f, x_unit, f_unit)
-        return own - project(self.kind, own - other, self.mu * unit if self.round else self.mu, self.mu_r)
+        inner, other, unit = self._in_units(x, f, x_unit, f_unit)
+        return inner - project(self.kind, inner - other, self.mu * unit if self.round else self.mu, self.mu_r)
 
     def _round_part(self, y: Dense) -> Dense:
         return y[:, 1:] if self.kind is Cone.CYLINDER else y
@@ -185,8 +185,8 @@ class ConeFactors:
     def _in_units(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Dense, Dense, Vector]:
         """Return what is in the factors and what is in their duals, in units, and the units of the former."""
         both = (x[self.at] * x_unit[self.at], x_unit), (f[self.at] * f_unit[self.at], f_unit)
-        (own, unit), (other, _) = reversed(both) if self.rows else both
-        return own, other, unit[self.at[:, 0]]
+        (inner, unit), (other, _) = reversed(both) if self.rows else both
+        return inner, other, unit[self.at[:, 0]]
 
 
 def of_product(K: ProductCone, *, rows: bool = False, first: int = 0) -> tuple[Vector, Vector, list[ConeFactors]]:

@@ -95,9 +95,9 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any], tolerance: flo
     with np.errstate(all="ignore"):
         answer = ROWS[problem.node](problem, point)
         if isinstance(answer, ContactAnswer):
-            own = Groups(np.repeat(np.arange(count), problem.nc // count), count, problem.nc)
-            errors = contact_error(answer, own)
-            error, floor = own.largest(errors.errors), own.largest(errors.floors)
+            groups = Groups(np.repeat(np.arange(count), problem.nc // count), count, problem.nc)
+            errors = contact_error(answer, groups)
+            error, floor = groups.largest(errors.errors), groups.largest(errors.floors)
         else:
             if not answer.frame.k:
                 return np.where(finite, 0.0, np.inf), np.zeros(count, dtype=bool)

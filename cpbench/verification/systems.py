@@ -30,8 +30,8 @@ def relay(P: Any, point: Any) -> System:
     """Return z between bounds beside Mz + q; those of an LCP are 0 and ∞."""
 
     def frame() -> Frame:
-        own = Sets.of((P.q.size, *BOUNDS[P.node](P)))
-        return Frame(term_sizes(P.M), np.abs(P.q), own, P.q, None, *orientation(P.M))
+        sets = Sets.of((P.q.size, *BOUNDS[P.node](P)))
+        return Frame(term_sizes(P.M), np.abs(P.q), sets, P.q, None, *orientation(P.M))
 
     return System(kept(P, frame), point.z, P.M @ point.z + P.q)
 
@@ -42,10 +42,10 @@ def mlcp(problem: Any, point: Any) -> System:
     P, u, v = problem, point.u, point.v
 
     def frame() -> Frame:
-        own = Sets.of((u.size, -np.inf, np.inf), (v.size, 0.0, np.inf))
+        sets = Sets.of((u.size, -np.inf, np.inf), (v.size, 0.0, np.inf))
         constants = np.concatenate([P.a, P.b])
         J = matrices.block([[P.A, P.C], [P.D, P.B]])
-        return Frame(term_sizes(J), np.abs(constants), own, constants, None, *orientation(J))
+        return Frame(term_sizes(J), np.abs(constants), sets, constants, None, *orientation(J))
 
     f = np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
     return System(kept(P, frame), np.concatenate([u, v]), f)

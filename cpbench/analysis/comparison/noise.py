@@ -68,11 +68,11 @@ class Noise:
         Where a build ran as two labels, their difference is one observation, beside an assumption that counts as
         `ASSUMED`.
         """
-        own = 2.0 * BIAS**2
+        variance = 2.0 * BIAS**2
         if math.isfinite(self.equal):
-            own = (ASSUMED * own + math.log(self.equal) ** 2) / (ASSUMED + 1.0)
+            variance = (ASSUMED * variance + math.log(self.equal) ** 2) / (ASSUMED + 1.0)
         machine = math.log(self.drift) / SURE if math.isfinite(self.drift) else 0.0
-        return math.sqrt(own + machine**2)
+        return math.sqrt(variance + machine**2)
 
     def reach(self, spread: float, alpha: float) -> float:
         """Return how far from 0 the mean log ratio of a label must be to be no accident at a level; `spread` is that of

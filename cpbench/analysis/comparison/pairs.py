@@ -65,9 +65,9 @@ def match(base: pd.DataFrame, new: pd.DataFrame, loose: Sequence[str] = ()) -> M
     """
     sides = [base.reset_index(drop=True), new.reset_index(drop=True)]
     code = _codes(sides, [column for column in KEY if column not in loose])
-    twice = [own.duplicated(keep=False) for own in code]
+    twice = [column.duplicated(keep=False) for column in code]
     doubled = set(code[0][twice[0]]) | set(code[1][twice[1]])
-    single = [~own.isin(doubled) for own in code]
+    single = [~column.isin(doubled) for column in code]
     partner = [single[0] & code[0].isin(set(code[1])), single[1] & code[1].isin(set(code[0]))]
     left = sides[0].loc[partner[0], list(SIDE)].add_suffix("_base").assign(code=code[0][partner[0]])
     right = sides[1].loc[partner[1], [*COMMON, *SIDE]].rename(columns={c: f"{c}_new" for c in SIDE})

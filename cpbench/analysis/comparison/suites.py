@@ -66,7 +66,7 @@ class Suite:
 def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tuple[Suite, ...]:
     """Return the suites of judged pairs (`comparison.compare`), in order of label; `alpha` is for all of them."""
     parts = list(pairs.groupby("label_new", sort=True))
-    return tuple(_measured(str(label), own, noise, alpha / len(parts), seed) for label, own in parts)
+    return tuple(_measured(str(label), of_label, noise, alpha / len(parts), seed) for label, of_label in parts)
 
 
 def mean_ratio(
@@ -93,22 +93,22 @@ def mean_ratio(
     return math.exp(estimate), *ends, count  # type: ignore[return-value]
 
 
-def _measured(label: str, own: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> Suite:
-    timed = own[own["comparable"]]
+def _measured(label: str, of_label: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> Suite:
+    timed = of_label[of_label["comparable"]]
     ratio = low = high = math.nan
     families, apart = 0, False
     if len(timed):
         ratio, low, high, families = mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], seed)
         reach = noise.reach((math.log(high) - math.log(low)) / (2 * _Z), alpha)
         apart = len(timed) >= FEWEST and abs(math.log(ratio)) > reach and not low <= 1 <= high
-    counts = own["verdict"].value_counts()
+    counts = of_label["verdict"].value_counts()
     suite = Suite(
         label=label,
-        pairs=len(own),
-        solved_base=int(own["solved_base"].sum()),
-        solved_new=int(own["solved_new"].sum()),
-        both=int((own["solved_base"] & own["solved_new"]).sum()),
-        below=int(own["below"].sum()),
+        pairs=len(of_label),
+        solved_base=int(of_label["solved_base"].sum()),
+        solved_new=int(of_label["solved_new"].sum()),
+        both=int((of_label["solved_base"] & of_label["solved_new"]).sum()),
+        below=int(of_label["below"].sum()),
         timed=len(timed),
         families=families,
         ratio=ratio,

@@ -92,9 +92,9 @@ class Comparison:
 
     def with_verdict(self, verdict: PairVerdict) -> pd.DataFrame:
         """Return the pairs of a verdict, those decided by status, error or counters before those decided by time."""
-        own = self.pairs[self.pairs["verdict"] == verdict]
-        order = own["gate"].map({"status": 0, "error": 1, "counters": 2, "time": 3})
-        return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
+        chosen = self.pairs[self.pairs["verdict"] == verdict]
+        order = chosen["gate"].map({"status": 0, "error": 1, "counters": 2, "time": 3})
+        return chosen.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
 
     def became(self, status: str) -> pd.DataFrame:
         """Return the pairs that have this status on the new side, and not on the base."""
@@ -195,11 +195,11 @@ def _compare(
     if not len(matched.pairs):
         raise CpbenchError(_nothing_common(base, new))
     started = ~(matched.pairs["status_base"].isin(REFUSED) & matched.pairs["status_new"].isin(REFUSED))
-    own = matched.pairs[started].reset_index(drop=True)
+    chosen = matched.pairs[started].reset_index(drop=True)
     interleaved = bool(loose)  # two labels of one run
-    one_machine = _one_machine(own, base, new, settings, interleaved)
+    one_machine = _one_machine(chosen, base, new, settings, interleaved)
     noise = _noise(base, new, settings, interleaved, equal)
-    judged = _judged(own, one_machine, noise, settings)
+    judged = _judged(chosen, one_machine, noise, settings)
     by_label = suites.by_label(judged, noise, settings.alpha, settings.seed)
     return Comparison(
         base=base,
@@ -223,13 +223,13 @@ def _compare(
 
 
 def _one_machine(
-    own: pd.DataFrame, base: ComparisonSide, new: ComparisonSide, settings: Thresholds, interleaved: bool
+    chosen: pd.DataFrame, base: ComparisonSide, new: ComparisonSide, settings: Thresholds, interleaved: bool
 ) -> pd.Series[bool]:
     if settings.same_machine:
-        return pd.Series(True, index=own.index)
+        return pd.Series(True, index=chosen.index)
     if interleaved:
-        return own["host_base"] == own["host_new"]
-    return noise.one_machine(own, [base.machines, new.machines])
+        return chosen["host_base"] == chosen["host_new"]
+    return noise.one_machine(chosen, [base.machines, new.machines])
 
 
 def _noise(
@@ -251,13 +251,13 @@ def _noise(
     return replace(margins, equal=max(mean, 1 / mean), stray=max(far, margins.stray), unsteady=steady)
 
 
-def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, settings: Thresholds) -> pd.DataFrame:
+def _judged(chosen: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, settings: Thresholds) -> pd.DataFrame:
     """Return pairs with what their times say, and their ruling."""
-    ruling = gates.rulings(own)
-    gates.by_status(own, ruling, noise.strays)
-    gates.by_error(own, ruling)
-    counted = gates.by_counters(own, settings.counter_margin, noise.unsteady)
-    timed = times.by_time(own, one_machine, noise)
+    ruling = gates.rulings(chosen)
+    gates.by_status(chosen, ruling, noise.strays)
+    gates.by_error(chosen, ruling)
+    counted = gates.by_counters(chosen, settings.counter_margin, noise.unsteady)
+    timed = times.by_time(chosen, one_machine, noise)
     moved = counted["verdict"].map({str(PairVerdict.REGRESSED): 1, str(PairVerdict.IMPROVED): -1}).fillna(0).astype(int)
     against = (moved * timed["significant"]) < 0
     why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are not texts yet
@@ -267,9 +267,9 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, setti
     for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.SAME, PairVerdict.INCONCLUSIVE):
         gates.rule(ruling, "time", verdict, timed["time_verdict"] == verdict, "time", timed["time_why"])
     gates.rule(ruling, "counters", PairVerdict.SAME, counted["verdict"] == PairVerdict.SAME, "", "")
-    gates.rule(ruling, "status", PairVerdict.SAME, pd.Series(True, index=own.index), "", "")
-    solved = {f"solved_{side}": own[f"status_{side}"].isin(VERIFIED) for side in ("base", "new")}
-    return pd.concat([own.assign(**solved), timed, ruling], axis=1)
+    gates.rule(ruling, "status", PairVerdict.SAME, pd.Series(True, index=chosen.index), "", "")
+    solved = {f"solved_{side}": chosen[f"status_{side}"].isin(VERIFIED) for side in ("base", "new")}
+    return pd.concat([chosen.assign(**solved), timed, ruling], axis=1)
 
 
 def _worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> PairVerdict:

@@ -189,10 +189,10 @@ def report(value: Any) -> str | None:
 
 
 def failures(value: Any) -> tuple[str, ...]:
-    known = (*map(str, Status), CONTRADICTION)
+    statuses = (*map(str, Status), CONTRADICTION)
     for name in texts(value):
-        if name not in known:
-            raise UnknownName("status", name, known)
+        if name not in statuses:
+            raise UnknownName("status", name, statuses)
     return texts(value)
 
 

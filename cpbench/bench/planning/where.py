@@ -27,50 +27,50 @@ _PARTS = (
 )  # fmt: skip
 
 
-def require_condition(text: str, known: Mapping[str, type]) -> None:
-    """Raise CpbenchError where `text` is no condition on facts of the names and types `known` (float or str).
+def require_condition(text: str, columns: Mapping[str, type]) -> None:
+    """Raise CpbenchError where `text` is no condition on facts of the names and types `columns` (float or str).
 
     >>> require_condition("1 < nc/2 <= 3", {"nc": float})
     """
-    _values(text, [{name: "" if kind is str else 1.0 for name, kind in known.items()}], known)
+    _values(text, [{name: "" if kind is str else 1.0 for name, kind in columns.items()}], columns)
 
 
-def holds(text: str, facts: Sequence[Mapping[str, float | str]], known: Mapping[str, type]) -> list[bool]:
+def holds(text: str, facts: Sequence[Mapping[str, float | str]], columns: Mapping[str, type]) -> list[bool]:
     """Tell for the facts of each problem whether the condition is known to hold; raises CpbenchError.
 
     >>> holds("not nc > 100", [{"nc": 7.0}, {"nc": 120.0}, {}], {"nc": float})
     [True, False, False]
     """
-    return [bool(value) for value in _values(text, facts, known).fillna(False)]
+    return [bool(value) for value in _values(text, facts, columns).fillna(False)]
 
 
-def _values(text: str, facts: Sequence[Mapping[str, float | str]], known: Mapping[str, type]) -> pd.Series[bool]:
+def _values(text: str, facts: Sequence[Mapping[str, float | str]], columns: Mapping[str, type]) -> pd.Series[bool]:
     import pandas as pd
 
-    query = _query(text, known)
+    query = _query(text, columns)
     # "string" alone is pyarrow's type where pyarrow is installed, with other words for what is wrong
-    types = {name: "string[python]" if kind is str else "Float64" for name, kind in known.items()}
-    table = pd.DataFrame(list(facts), columns=list(known)).astype(types)
+    types = {name: "string[python]" if kind is str else "Float64" for name, kind in columns.items()}
+    table = pd.DataFrame(list(facts), columns=list(columns)).astype(types)
     try:
         with np.errstate(all="ignore"):
             values: Any = table.eval(query, engine="python")
     except Exception as cause:  # of whatever class pandas raises for texts that are added, numbers that are negated ...
         names = sorted({node.id for node in ast.walk(ast.parse(query)) if isinstance(node, ast.Name)})
-        kinds = ", ".join(f"{name} is a {'text' if known[name] is str else 'number'}" for name in names)
+        kinds = ", ".join(f"{name} is a {'text' if columns[name] is str else 'number'}" for name in names)
         raise _wrong(text, f"cannot be evaluated ({kinds}): {' '.join(str(cause).split())}") from None
     if not isinstance(values, pd.Series) or not pd.api.types.is_bool_dtype(values.dtype):
         raise _wrong(text, "is no condition on facts")
     return values
 
 
-def _query(text: str, known: Mapping[str, type]) -> str:
+def _query(text: str, columns: Mapping[str, type]) -> str:
     """Return what pandas may evaluate: parts that were checked, all numbers as floats, so that no power takes long."""
     line = " ".join(text.split())
     try:
         tree = ast.parse(line, mode="eval")
         for node in ast.walk(tree):
-            if isinstance(node, ast.Name) and node.id not in known:
-                raise UnknownName("fact", node.id, known)
+            if isinstance(node, ast.Name) and node.id not in columns:
+                raise UnknownName("fact", node.id, columns)
             if isinstance(node, ast.Constant) and isinstance(node.value, int) and not isinstance(node.value, bool):
                 node.value = float(node.value)
             wrong = isinstance(node, ast.Constant) and type(node.value) not in (float, str)
@@ -85,5 +85,5 @@ def _query(text: str, known: Mapping[str, type]) -> str:
         raise _wrong(f"{line[:40]}...", f"cannot be read; {ALLOWED}") from None
 
 
-def _wrong(text: str, what: str, place: str = "") -> CpbenchError:
-    return CpbenchError(f"'{text}': at {place}: {what}" if place else f"'{text}': {what}")
+def _wrong(text: str, what: str, where: str = "") -> CpbenchError:
+    return CpbenchError(f"'{text}': at {where}: {what}" if where else f"'{text}': {what}")

@@ -91,9 +91,9 @@ def _facts(store: Store) -> _Facts:
 def _require_comparable(one: Store, its: _Facts, other: Store, others: _Facts) -> None:
     """Raise StoreError on the first fact on which two files do not agree."""
     for fact, values in its.items():
-        there = others.get(fact, values)
-        if values != there and not (fact.startswith(_SHARED) and values & there):
-            sides = f"{_listed(values - there or values)} and {_listed(there - values or there)}"
+        theirs = others.get(fact, values)
+        if values != theirs and not (fact.startswith(_SHARED) and values & theirs):
+            sides = f"{_listed(values - theirs or values)} and {_listed(theirs - values or theirs)}"
             raise StoreError(f"{one.path} and {other.path} differ in {fact}: {sides}; leave one of them out")
 
 

@@ -208,9 +208,9 @@ def jacobian(to: Algebra, F: Map, inputs: list[int]) -> list[Row]:
     return [work.backward({end: to.one}) for end in F.outputs.tolist()]
 
 
-def _summed(to: Algebra, places: list[int], terms: list[int]) -> Row:
+def _summed(to: Algebra, positions: list[int], terms: list[int]) -> Row:
     result: Row = {}
-    for index, term in zip(places, terms, strict=True):
+    for index, term in zip(positions, terms, strict=True):
         result[index] = to.add(result[index], term) if index in result else term
     return result
 

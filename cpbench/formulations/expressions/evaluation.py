@@ -109,8 +109,8 @@ class _Jacobian:
     def __init__(self, phi: Map, M: Sparse, C: Sparse) -> None:
         entries, indices, indptr = derivatives.derivative(phi)
         self._entries = evaluator(entries)
-        own = _pattern(indices, indptr, phi.shape)
-        ones = own.copy()
+        numbered = _pattern(indices, indptr, phi.shape)
+        ones = numbered.copy()
         ones.data[:] = 1.0
         pattern = abs(M) + abs(C) @ ones  # no entry of it cancels
         pattern = sp.csr_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
@@ -118,7 +118,7 @@ class _Jacobian:
         self._pattern = pattern
         at = sp.csr_array((np.arange(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
         self._constant = _spread(at, M)
-        weights = _weights(at, C, own)
+        weights = _weights(at, C, numbered)
         self._moving = np.flatnonzero(np.diff(weights.indptr))  # the others are constant
         self._weights = weights[self._moving]
 
@@ -148,16 +148,16 @@ def _spread(at: Sparse, M: Sparse) -> Vector:
     return data
 
 
-def _weights(at: Sparse, C: Sparse, own: Sparse) -> Sparse:
+def _weights(at: Sparse, C: Sparse, numbered: Sparse) -> Sparse:
     """Return the matrix that takes entries of φ′ to their sums in the entries of the pattern."""
     coo = C.tocoo()
-    lengths = np.diff(own.indptr)[coo.col]
+    lengths = np.diff(numbered.indptr)[coo.col]
     which = np.repeat(np.arange(coo.nnz), lengths)
     offsets = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    entries = own.indptr[coo.col][which] + offsets
-    places = _places(at, coo.row[which].astype(np.int64), own.indices[entries].astype(np.int64))
-    numbers = own.data[entries].astype(np.int64) - 1
-    return sp.csr_array((coo.data[which], (places, numbers)), shape=(at.nnz, own.nnz))
+    entries = numbered.indptr[coo.col][which] + offsets
+    positions = _places(at, coo.row[which].astype(np.int64), numbered.indices[entries].astype(np.int64))
+    numbers = numbered.data[entries].astype(np.int64) - 1
+    return sp.csr_array((coo.data[which], (positions, numbers)), shape=(at.nnz, numbered.nnz))
 
 
 class _Hessian:

@@ -77,11 +77,11 @@ class Map:
             raise ProblemError("map.heads", "has a number that is not an operator")
         if any(not 0 <= index < self.constants.size for index in self.named.values()):
             raise ProblemError("map.named", f"has a place that is none of {self.constants.size} constants")
-        own = first + np.arange(k)
+        numbers = first + np.arange(k)
         binary = self.heads >= Operator.ADD
         for name, bad in (
-            ("left", (self.left < 0) | (self.left >= own)),
-            ("right", np.where(binary, (self.right < 0) | (self.right >= own), self.right != -1)),
+            ("left", (self.left < 0) | (self.left >= numbers)),
+            ("right", np.where(binary, (self.right < 0) | (self.right >= numbers), self.right != -1)),
             ("outputs", (self.outputs < 0) | (self.outputs >= first + k)),
         ):
             if bad.any():

@@ -80,8 +80,8 @@ def _pairs(comparison: Comparison) -> list[dict[str, Any]]:
     return rows
 
 
-def _rows(own: pd.DataFrame) -> list[dict[str, Any]]:
-    return [{str(k): v for k, v in row.items()} for row in own[["problem", "label", "status"]].to_dict("records")]
+def _rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(k): v for k, v in row.items()} for row in table[["problem", "label", "status"]].to_dict("records")]
 
 
 def _read(text: str) -> Any:

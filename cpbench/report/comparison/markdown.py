@@ -49,10 +49,10 @@ def document(comparison: Comparison) -> str:
 def _pairs(comparison: Comparison, verdict: PairVerdict) -> dict[str, Any]:
     """Return the pairs of a verdict, after the labels whose times have it: their table, how many there are, and how
     many are not shown. Pairs that their time alone leaves open are not among them."""
-    own = comparison.with_verdict(verdict)
+    pairs = comparison.with_verdict(verdict)
     labels = [suite for suite in comparison.suites if suite.time == verdict]
     if verdict == PairVerdict.INCONCLUSIVE:
-        own, labels = own[own["gate"] != "time"], []
+        pairs, labels = pairs[pairs["gate"] != "time"], []
     forms = {"problem": "text", "solver": "code", "kind": "text", "what happened": "text"}
     if verdict == PairVerdict.REGRESSED:
         forms["again with"] = "code"
@@ -61,11 +61,11 @@ def _pairs(comparison: Comparison, verdict: PairVerdict) -> dict[str, Any]:
         slowest = words.again(comparison, words.slowest(comparison, suite.label)) if suite.time else ""
         what = f"{words.times_of(suite)} times the time"
         rows.append([f"all {suite.timed} timed", suite.label, "time", what, slowest][: len(forms)])
-    for _, pair in own.head(LISTED).iterrows():
+    for _, pair in pairs.head(LISTED).iterrows():
         cells = [pair["problem"], _label(pair), pair["kind"], cut(pair["why"]), words.again(comparison, pair)]
         rows.append(cells[: len(forms)])
-    counts = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
-    return {"table": Table.of(forms, rows), "counts": ", ".join(counts), "more": max(0, len(own) - LISTED)}
+    counts = [counted(len(pairs), "pair")] * bool(len(pairs)) + [counted(len(labels), "label")] * bool(labels)
+    return {"table": Table.of(forms, rows), "counts": ", ".join(counts), "more": max(0, len(pairs) - LISTED)}
 
 
 def _suites(comparison: Comparison) -> Table:
@@ -90,10 +90,10 @@ def _suites(comparison: Comparison) -> Table:
 
 def _notes(comparison: Comparison) -> list[str]:
     notes = [plain(cut(note, 400)) for note in comparison.notes]
-    for own, side in ((comparison.only_base, "base"), (comparison.only_new, "new")):
-        if len(own):
-            names = sorted({f"{p}, {label}" for p, label in zip(own["problem"], own["label"], strict=True)})
-            notes.append(f"only in {side} ({len(own)}): {listed(names)}")
+    for pairs, side in ((comparison.only_base, "base"), (comparison.only_new, "new")):
+        if len(pairs):
+            names = sorted({f"{p}, {label}" for p, label in zip(pairs["problem"], pairs["label"], strict=True)})
+            notes.append(f"only in {side} ({len(pairs)}): {listed(names)}")
     return notes
 
 

@@ -36,13 +36,13 @@ def lines(comparison: Comparison) -> Iterator[str]:
         yield f"note: {cut(note, 300)}"
 
 
-def _pairs(comparison: Comparison, own: pd.DataFrame, what: str) -> Iterator[str]:
-    if not len(own):
+def _pairs(comparison: Comparison, listed: pd.DataFrame, what: str) -> Iterator[str]:
+    if not len(listed):
         return
-    yield f"{what} ({len(own)}):"
-    for _, pair in own.head(LISTED).iterrows():
+    yield f"{what} ({len(listed)}):"
+    for _, pair in listed.head(LISTED).iterrows():
         yield f"  {one_line(pair['problem'])}, {one_line(pair['label_new'])}: {cut(pair['why'], 120)}"
         if what == PairVerdict.REGRESSED:
             yield f"    {words.again(comparison, pair)}"
-    if len(own) > LISTED:
-        yield f"  and {len(own) - LISTED} more"
+    if len(listed) > LISTED:
+        yield f"  and {len(listed) - LISTED} more"

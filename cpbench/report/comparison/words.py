@@ -89,8 +89,8 @@ def versions(comparison: Comparison) -> list[str]:
 
 def again(comparison: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
     """Return the command that runs the new side of a pair again."""
-    own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
-    row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds")}}
+    of_pair = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
+    row = {**of_pair, **{name: pair[f"{name}_new"] for name in ("label", "seconds")}}
     here = str(Path.cwd()) + os.sep
     metadata = (comparison.new.meta.get("solvers") or {}).get(row["label"])
     return solve_command(row, metadata).replace(here, "")
@@ -98,5 +98,5 @@ def again(comparison: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> s
 
 def slowest(comparison: Comparison, label: str) -> pd.Series[Any]:
     """Return the pair of a label whose time grew most."""
-    own = comparison.pairs[(comparison.pairs["label_new"] == label) & comparison.pairs["comparable"]]
-    return own.loc[own["ratio"].idxmax()]
+    pairs = comparison.pairs[(comparison.pairs["label_new"] == label) & comparison.pairs["comparable"]]
+    return pairs.loc[pairs["ratio"].idxmax()]

@@ -34,8 +34,8 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     """Draw one curve a solver with a history of the problem."""
     chosen = choose(run, choice)
     require_histories(chosen)
-    own, problem = _of_one(chosen.rows, chosen.histories, name)
-    iterates = histories.charged(own, chosen.histories)
+    solves, problem = _of_one(chosen.rows, chosen.histories, name)
+    iterates = histories.charged(solves, chosen.histories)
     iterates = iterates[iterates["error"] < math.inf]
     paths = {str(label): path for label, path in iterates.groupby("label")}
     ends = sorted(paths, key=lambda label: (float(paths[label]["error"].min()), label))

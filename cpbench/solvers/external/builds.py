@@ -64,13 +64,13 @@ def _programs(path: Path) -> Tables:
 
 
 def _classes(root: Path, path: Path, python: str | None) -> Tables:
-    places = [str(folder) for folder in (path.parent, root / "src", root) if folder.is_dir()]
-    places = list(dict.fromkeys(places))
-    sys.path[:0] = places
+    folders = [str(folder) for folder in (path.parent, root / "src", root) if folder.is_dir()]
+    folders = list(dict.fromkeys(folders))
+    sys.path[:0] = folders
     before = set(solvers.names())
     registry.load_plugin(path)
     inherited = [os.environ["PYTHONPATH"]] if os.environ.get("PYTHONPATH") else []
-    env = {registry.PLUGIN_FILES: str(path), "PYTHONPATH": os.pathsep.join([*places, *inherited])}
+    env = {registry.PLUGIN_FILES: str(path), "PYTHONPATH": os.pathsep.join([*folders, *inherited])}
     table: dict[str, Any] = {"env": env}
     if python is not None:
         table["interpreter"] = str(root / python) if os.path.dirname(python) else python

@@ -193,8 +193,8 @@ def _variant(name: str, table: Table, base: Solver) -> Solver:
         )
         served = [python, "-m", "cpbench.solvers.external.serve", base.spec.name]
         given |= {"serve": shlex.join(served), "env": {**_SAFE, **table.get("env", {})}}
-    own = {key: value for key, value in table.items() if key != "env" or "env" not in given}
-    return _solver(spec, {**given, **own})
+    settings = {key: value for key, value in table.items() if key != "env" or "env" not in given}
+    return _solver(spec, {**given, **settings})
 
 
 def _solver(spec: SolverSpec, table: Table) -> Solver:
@@ -227,29 +227,29 @@ def _options(name: str, defaults: Table) -> type:
 # ---------------------------------------------------------------------------------------------- the keys
 
 
-def _checked(name: str, table: Mapping[str, Any], place: str) -> dict[str, Any]:
+def _checked(name: str, table: Mapping[str, Any], where: str) -> dict[str, Any]:
     base, at, label = name.partition(AT)
     if not _NAME.fullmatch(base) or (at and not _NAME.fullmatch(label)):
-        raise CpbenchError(f"{place}: is not a name of a solver: letters, digits, . + - _, and NAME@LABEL of a variant")
+        raise CpbenchError(f"{where}: is not a name of a solver: letters, digits, . + - _, and NAME@LABEL of a variant")
     if at and _ROUTE.fullmatch(label):
-        raise CpbenchError(f"{place}: {label} is the name of a route, which labels of rows show as {name}: rename it")
+        raise CpbenchError(f"{where}: {label} is the name of a route, which labels of rows show as {name}: rename it")
     keys = VARIANT_KEYS if at else KEYS
     for key, value in table.items():
         if key not in keys:
-            raise CpbenchError(f"{place}: {key} = {_shown(value)}: unknown key, known are {', '.join(keys)}")
+            raise CpbenchError(f"{where}: {key} = {_shown(value)}: unknown key, known are {', '.join(keys)}")
         try:
             _require(key, value)
         except CpbenchError as cause:
-            raise CpbenchError(f"{place}: {key} = {_shown(value)}: {cause}") from None
+            raise CpbenchError(f"{where}: {key} = {_shown(value)}: {cause}") from None
     if not at and "node" not in table:
-        raise CpbenchError(f"{place}: node is missing, one of {', '.join(formulations.names())}")
+        raise CpbenchError(f"{where}: node is missing, one of {', '.join(formulations.names())}")
     ways = [key for key in ("command", "serve", "interpreter") if key in table]
     if len(ways) > 1:
-        raise CpbenchError(f"{place}: has {' and '.join(ways)}: keep one of them")
+        raise CpbenchError(f"{where}: has {' and '.join(ways)}: keep one of them")
     if not ways and not at:
-        raise CpbenchError(f"{place}: has neither command nor serve: say how it is run")
+        raise CpbenchError(f"{where}: has neither command nor serve: say how it is run")
     if at and not ways and "env" not in table:
-        raise CpbenchError(f"{place}: says nothing that differs: interpreter, command, serve or env")
+        raise CpbenchError(f"{where}: says nothing that differs: interpreter, command, serve or env")
     return dict(table)
 
 

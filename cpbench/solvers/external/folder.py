@@ -28,16 +28,16 @@ class Folder:
 
     def __init__(self, size: int) -> None:
         parent = MEMORY if size <= SMALL and os.access(MEMORY, os.W_OK) else Path(tempfile.gettempdir())
-        self.path = Path(tempfile.mkdtemp(dir=_own(parent)))
+        self.path = Path(tempfile.mkdtemp(dir=_home_under(parent)))
         weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
-def _own(place: Path) -> Path:
+def _home_under(root: Path) -> Path:
     """Give the folder of this process in a place."""
-    process, home = _homes.get(place, (0, None))
+    process, home = _homes.get(root, (0, None))
     if home is None or process != os.getpid() or not home.folder.is_dir():
-        home = TemporaryHome(EXCHANGE, place)
-        _homes[place] = (os.getpid(), home)
+        home = TemporaryHome(EXCHANGE, root)
+        _homes[root] = (os.getpid(), home)
         atexit.register(home.remove)
     return home.folder
 

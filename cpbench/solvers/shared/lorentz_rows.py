@@ -57,7 +57,7 @@ class _Rows:
         start = np.concatenate([[0], np.cumsum(self._sizes)]).astype(int)
         cones, order = [], [np.zeros(0, int)]
         for kind in ("zero", "nonnegative", "lorentz"):
-            members = [k for k, own in enumerate(self._kinds) if own == kind]
+            members = [k for k, one in enumerate(self._kinds) if one == kind]
             order += [np.arange(start[k], start[k + 1]) for k in members]
             sizes = [self._sizes[k] for k in members]
             cones += [(kind, size) for size in (sizes if kind == "lorentz" else [sum(sizes)]) if size]
@@ -110,13 +110,13 @@ def lorentz_rows(K: ProductCone) -> tuple[list[tuple[str, int]], Any, Any, Any]:
     plain = {Cone.ZERO: "zero", Cone.NONNEGATIVE: "nonnegative"}
     at = 0
     for number, size, mu, mu_r in zip(K.kind, K.size.astype(int), K.mu, K.mu_r, strict=True):
-        kind, own = Cone(int(number)), list(range(at, at + int(size)))
+        kind, numbers = Cone(int(number)), list(range(at, at + int(size)))
         at += int(size)
         if kind in write:
-            write[kind](rows, own[0], own[1:], float(mu))
+            write[kind](rows, numbers[0], numbers[1:], float(mu))
         elif kind in rolls:
-            k = (len(own) - 1) // 2
-            rolls[kind](rows, own[0], own[1 : 1 + k], own[1 + k :], float(mu), float(mu_r))
-        elif kind in plain and own:
-            rows.add(plain[kind], *((1.0, i) for i in own))
+            k = (len(numbers) - 1) // 2
+            rolls[kind](rows, numbers[0], numbers[1 : 1 + k], numbers[1 + k :], float(mu), float(mu_r))
+        elif kind in plain and numbers:
+            rows.add(plain[kind], *((1.0, i) for i in numbers))
     return rows.arrays(K.rows)
