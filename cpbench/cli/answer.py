@@ -71,7 +71,7 @@ def _sentence(ranking: Ranking, disturbed: bool) -> Sequence[str]:
     """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold; where
     times were `disturbed`, the solvers that solved most."""
     opening = f"{ranking.formulation}{_title(ranking)}: {ranking.advice.before}"
-    withheld = disturbed and ranking.advice.winner
+    withheld = disturbed and ranking.advice.winner and len(ranking.rows) > 1
     text = solved_most(ranking, listed_plainly) if withheld else ranking.verdict
     first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {text}")
     if first.startswith(opening + ranking.winner):  # the opening may be longer than a line
