@@ -16,6 +16,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.hold_cones import Distance, distance, for_any_friction, nearest_factor
 from cpbench_lab.certificates.hold_programs import Balance
 from cpbench_lab.certifying import require_flint
+from cpbench_lab.sweeping import with_value
 
 if TYPE_CHECKING:
     from cpbench_lab.certificates.holding import HoldAnswer
@@ -116,6 +117,7 @@ def hold_limit(problem: Problem, load: Vector | None = None, width: float = 1e-6
 
     balance = balance_of(problem)
     if load is None:
+        with_value(problem, "mu", 1.0)  # refuses what has no coefficients of contacts alone
         return _least_friction(lambda mu: replace(balance, mu=np.full(balance.mu.size, mu)), width)
     field = "q" if problem.node == "fc" else "f"
     if load.shape != balance.f.shape:

@@ -60,6 +60,8 @@ def with_value(problem: Problem, name: str, value: float) -> Problem:
         if not known:
             raise ProblemError(problem.node, f"has no parameter {name}, nor another: its numbers are no parameters")
         raise UnknownName(f"parameter of this {problem.node}", name, known)
+    if "joints" in problem.info.properties:
+        raise ProblemError(f"{problem.node}.{name}", f"is not of contacts alone: {problem.info.properties['joints']}")
     info = replace(problem.info, properties={})
     return replace(problem, info=info, provenance=(), **{name: np.full(given.shape, value)})
 

@@ -182,6 +182,13 @@ def test_what_has_no_limit_is_refused(problem: Any, load: Any, error: type[Excep
         hold_limit(problem, load)
 
 
+def test_coefficients_of_joints_are_none_of_contacts() -> None:
+    joint = cpbench.formulations.base.Info(properties={"joints": "contact 0: friction of joint elbow"})
+    problem = FrictionContact(W=np.eye(2), q=[-4.0, 3.0], mu=[0.5], dimension=2, info=joint)
+    with pytest.raises(ProblemError, match=r"mu: is not of contacts alone: contact 0: friction of joint elbow"):
+        hold_limit(problem)
+
+
 @pytest.mark.parametrize(
     ("problem", "load", "answer", "proved"),
     [

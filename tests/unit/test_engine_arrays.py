@@ -62,6 +62,7 @@ def test_what_the_numbers_do_not_decide_is_asked_for(tmp_path: Path) -> None:
         read(tmp_path, step() | {"order": "NNT"})
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_gaps_and_restitution(tmp_path: Path) -> None:
     """w_N = phi/dt, of both signs; e u_N⁻ where the contact closes within the step."""
     fall = {"v": np.array([0, 0, -1.0, 0, 0, 0]), "phi": np.array([0.005, -0.001, 0.02, 0.0])}
