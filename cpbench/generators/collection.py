@@ -17,7 +17,7 @@ from cpbench.formulations.base import Problem
 from cpbench.generators.base import SMALL, TIERS, Collection, Instance, generators
 from cpbench.storage.collections import PREFIX, added
 
-NAME, VERSION = "cpbench-collection", "2026.12"
+NAME, VERSION = "cpbench-collection", "2026.12.1"
 """Name of the collection; its version changes when problems are added, changed or removed."""
 PROOFS = "proofs.toml"
 """File, among the built-in problems, of what is proved of them; `benchmarks/certified.py --save` writes it."""

@@ -66,7 +66,7 @@ def test_the_hash_is_of_the_mathematics_of_all_problems_in_any_order() -> None:
     shuffled = list(ENTRIES)
     random.Random(1).shuffle(shuffled)
     assert identity(shuffled) == whole
-    assert str(whole) == f"cpbench-collection 2026.12 ({len(ENTRIES)} problems, sha256 {whole.digest[:16]})"
+    assert str(whole) == f"cpbench-collection 2026.12.1 ({len(ENTRIES)} problems, sha256 {whole.digest[:16]})"
     changed = [replace(ENTRIES[0], fingerprint="0" * 32), *ENTRIES[1:]]
     renamed = [replace(ENTRIES[0], name="another"), *ENTRIES[1:]]
     assert identity(changed).digest != whole.digest
