@@ -23,7 +23,7 @@ from cpbench.formulations.global_contact import NFCPoint, NonlinearFrictionConta
 from cpbench.foundation.matrices import Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator, snapped
 from cpbench_problems.generators.contact_planted import MU, STATES, contact_states
-from cpbench_problems.generators.symbols import Symbol, cos, mapped, sin, sqrt, total, unknowns
+from cpbench_problems.generators.symbols import Symbol, mapped, total, unknowns
 
 STEP, SWING = 2.0**-4, 2.0**-5
 """[s], the second for pendulums; long, so that the dynamics are far from linear within them."""
@@ -71,7 +71,7 @@ def balls(n: int) -> Instance:
     force: list[Symbol] = []
     for b in range(n):
         own = v[3 * b : 3 * b + 3]
-        speed = sqrt(total(x * x for x in own) + SLOW**2)
+        speed = (total(x * x for x in own) + SLOW**2).sqrt()
         force += [float(mass[b]) * x + STEP * DRAG * (speed * x) for x in own]
     answer = dyadic(rng, 3 * n, -8, 8, 16)
     return _planted(f"drag-{n}", rng, v, force, answer, H, 3, {"bodies": n})
@@ -123,8 +123,8 @@ def pendulum(n: int) -> Instance:
                 terms.append(a * change[i])
             else:
                 between = angle[i] - angle[j]
-                terms.append(a * (cos(between) * change[j] + SWING * (sin(between) * (middle[j] * middle[j]))))
-        terms.append(SWING * GRAVITY * length * float(beyond[i]) * sin(angle[i]))
+                terms.append(a * (between.cos() * change[j] + SWING * (between.sin() * (middle[j] * middle[j]))))
+        terms.append(SWING * GRAVITY * length * float(beyond[i]) * angle[i].sin())
         force.append(total(terms))
     touching = range(n - 1, -1, -2)
     H = np.zeros((n, 2 * len(touching)))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions import Map, Operator
 from cpbench.formulations.nonlinear import NCP, NCPPoint
 from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench_problems.generators.symbols import arctan, atan, mapped, product, unknowns
+from cpbench_problems.generators.symbols import arctan, mapped, product, unknowns
 
 CITATION = (
     "Harker and Pang 1990, Lectures in Applied Mathematics 26:265; Taji, Fukushima, Ibaraki 1993, Math. Prog. 58:369 "
@@ -48,7 +48,7 @@ class _Monotone:
         x = unknowns(self.n)
         linear = product(self.M, x)
         parts = zip(linear, self.d.tolist(), x, q.tolist(), strict=True)
-        return mapped(x, [row + d * atan(s) + c for row, d, s, c in parts])
+        return mapped(x, [row + d * s.apply(Operator.ATAN) + c for row, d, s, c in parts])
 
 
 def complementarity(n: int) -> Instance:

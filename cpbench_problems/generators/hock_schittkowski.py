@@ -17,7 +17,7 @@ import numpy as np
 from cpbench.formulations.programs import NLP, NLPPoint
 from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.hock_schittkowski_points import POINTS, Known
-from cpbench_problems.generators.symbols import Symbol, log, mapped, sin, unknowns
+from cpbench_problems.generators.symbols import Symbol, mapped, unknowns
 
 Formula = Callable[..., Sequence[Any]]
 INF = float("inf")
@@ -113,12 +113,12 @@ _program(3, (10, 1), lambda a, b: b + 1e-5 * (b - a) ** 2, lb=(-INF, 0), convex=
 _program(
     5,
     (0, 0),
-    lambda a, b: sin(a + b) + (a - b) ** 2 - 1.5 * a + 2.5 * b + 1.0,
+    lambda a, b: (a + b).sin() + (a - b) ** 2 - 1.5 * a + 2.5 * b + 1.0,
     lb=(-1.5, -3),
     ub=(4, 3),
 )
 _program(6, (-1.2, 1), lambda a, b: (1.0 - a) ** 2, h=lambda a, b: [10.0 * (b - a**2)])
-_program(7, (2, 2), lambda a, b: log(1.0 + a**2) - b, h=lambda a, b: [(1.0 + a**2) ** 2 + b**2 - 4.0])
+_program(7, (2, 2), lambda a, b: (1.0 + a**2).log() - b, h=lambda a, b: [(1.0 + a**2) ** 2 + b**2 - 4.0])
 _program(
     14,
     (2, 2),

@@ -14,7 +14,7 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.nonlinear import MiCP
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
-from cpbench_problems.generators.symbols import Symbol, exp, mapped, sine, sqrt, total, unknowns
+from cpbench_problems.generators.symbols import Symbol, mapped, sine, total, unknowns
 
 
 @collection(
@@ -93,7 +93,7 @@ def bratu(n: int, load: float, roof: float) -> Instance:
     """
     u = _Square(n)
     weight = load * u.h**2
-    F = u.map([u.laplacian(i, j) - weight * exp(u.unknowns[k]) for k, (i, j) in enumerate(u.inside)])
+    F = u.map([u.laplacian(i, j) - weight * u.unknowns[k].exp() for k, (i, j) in enumerate(u.inside)])
     problem = MiCP(F=F, lb=np.zeros(n * n), ub=np.full(n * n, roof), name=f"bratu-{n}x{n}-{load:g}")
     return Instance(problem, properties={"class": "semilinear", "symmetric": True, "bounds": "both", "load": load})
 
@@ -121,7 +121,7 @@ def minimal_surface(n: int) -> Instance:
             continue
         here: Any = u(i, j)
         a, b = u(i + s, j) - here, u(i, j + s) - here
-        root = sqrt(1.0 + (a * a + b * b) * (1.0 / u.h**2))
+        root = (1.0 + (a * a + b * b) * (1.0 / u.h**2)).sqrt()
         add(i + s, j, a / root)
         add(i, j + s, b / root)
         add(i, j, -(a + b) / root)

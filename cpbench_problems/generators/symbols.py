@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions import Builder, Map
 from cpbench.formulations.expressions.recording import Symbol
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
@@ -46,30 +46,6 @@ def product(M: Matrix, z: Sequence[Symbol]) -> list[Any]:
 
 def _times(factor: float, z: Symbol) -> Symbol:
     return z if factor == 1.0 else factor * z
-
-
-def exp(x: Symbol) -> Symbol:
-    return x.apply(Operator.EXP)
-
-
-def log(x: Symbol) -> Symbol:
-    return x.apply(Operator.LOG)
-
-
-def sqrt(x: Symbol) -> Symbol:
-    return x.apply(Operator.SQRT)
-
-
-def sin(x: Symbol) -> Symbol:
-    return x.apply(Operator.SIN)
-
-
-def cos(x: Symbol) -> Symbol:
-    return x.apply(Operator.COS)
-
-
-def atan(x: Symbol) -> Symbol:
-    return x.apply(Operator.ATAN)
 
 
 def arctan(z: Vector) -> Vector:

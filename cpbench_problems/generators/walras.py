@@ -16,7 +16,7 @@ from cpbench.formulations.nonlinear import NCP, MiCP, MiCPPoint, NCPPoint
 from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
-from cpbench_problems.generators.symbols import Symbol, mapped, product, sqrt, unknowns
+from cpbench_problems.generators.symbols import Symbol, mapped, product, unknowns
 
 PRICES = (0.25, 1.0, 4.0)
 """Powers of four, whose roots are exact too."""
@@ -128,7 +128,7 @@ def substitution(goods: int, people: int, sigma: float) -> Instance:
     n, e, sum_of_prices = goods, economy.e, economy.p.sum()
     p = unknowns(n)
     weights = economy.shares * (1.0 / np.sqrt(economy.p) if sigma == 0.5 else economy.p)
-    roots = [sqrt(x) for x in p]
+    roots = [x.sqrt() for x in p]
     income = product(e, p)
     norm = product(weights, roots if sigma == 0.5 else [1.0 / x for x in p])
     spent = product(weights.T, [m / s for m, s in zip(income, norm, strict=True)])

@@ -21,7 +21,7 @@ from cpbench.foundation.cones import Cone, ProductCone
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.complaint import complaint_of
 from cpbench_lab.diagnosis.diagnosis import Diagnosis
-from cpbench_problems.generators.symbols import log, mapped, unknowns
+from cpbench_problems.generators.symbols import mapped, unknowns
 
 Random = np.random.Generator
 
@@ -406,7 +406,7 @@ def start(rng: Random) -> Iterator[Plant]:
 
     def problem(shift: float) -> cp.NCP:
         z = unknowns(n)
-        return cp.NCP(F=mapped(z, [log(z[i] + shift) + 0.1 * z[i - 1] * z[i] for i in range(n)]))
+        return cp.NCP(F=mapped(z, [(z[i] + shift).log() + 0.1 * z[i - 1] * z[i] for i in range(n)]))
 
     yield from each("start", problem(0.0), problem(0.5), START)
 
