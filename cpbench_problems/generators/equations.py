@@ -28,9 +28,7 @@ def build() -> list[Instance]:
         powell_singular(),
         *(brown(n) for n in (5, 20)),
         *(extended_rosenbrock(n) for n in (30, 60)),
-        *(extended_powell(n) for n in (40, 60)),
         *(broyden_tridiagonal(n) for n in (50, 100, 200)),
-        *(boundary_value(n) for n in (50,)),
     ]
 
 
@@ -44,9 +42,7 @@ def build() -> list[Instance]:
 def build_large() -> list[Instance]:
     return [
         *(extended_rosenbrock(n) for n in (1000, 10_000)),
-        *(extended_powell(n) for n in (1000, 4000)),
         *(broyden_tridiagonal(n) for n in (1000, 10_000, 100_000)),
-        *(boundary_value(n) for n in (500, 5000)),
     ]
 
 
@@ -109,21 +105,6 @@ def extended_rosenbrock(n: int) -> Instance:
     return replace(found, known="closed form")
 
 
-def extended_powell(n: int) -> Instance:
-    """Build n/4 copies of Powell's singular function (number 22): the root is 0, with a Jacobian of rank n/2."""
-
-    def F(x: list[Symbol]) -> list[Any]:
-        rows: list[Any] = []
-        for k in range(0, n, 4):
-            a, b, c, d = x[k : k + 4]
-            rows += [a + 10.0 * b, 5.0**0.5 * (c - d), (b - 2.0 * c) ** 2, 10.0**0.5 * (a - d) ** 2]
-        return rows
-
-    start = np.tile([3.0, -1, 0, 1], n // 4).tolist()
-    found = _known(f"extended-powell-{n}", F, start, np.zeros(n).tolist(), "singular root")
-    return replace(found, known="closed form")
-
-
 def broyden_tridiagonal(n: int) -> Instance:
     """Build (3 − 2xᵢ)xᵢ − xᵢ₋₁ − 2xᵢ₊₁ + 1 = 0, x₀ = xₙ₊₁ = 0 (number 30), from (−1, …, −1)."""
 
@@ -136,22 +117,6 @@ def broyden_tridiagonal(n: int) -> Instance:
         return rows
 
     return _open(f"broyden-tridiagonal-{n}", F, np.full(n, -1.0))
-
-
-def boundary_value(n: int) -> Instance:
-    """Build 2xᵢ − xᵢ₋₁ − xᵢ₊₁ + h²(xᵢ + tᵢ + 1)³/2 = 0, h = 1/(n + 1), tᵢ = ih (number 28), from tᵢ(tᵢ − 1)."""
-    h = 1.0 / (n + 1)
-
-    def F(x: list[Symbol]) -> list[Any]:
-        rows: list[Any] = []
-        for i, own in enumerate(x):
-            row = 2.0 * own + (0.5 * h * h) * (own + (h * (i + 1) + 1.0)) ** 3
-            row = row - x[i - 1] if i else row
-            rows.append(row - x[i + 1] if i + 1 < n else row)
-        return rows
-
-    t = h * np.arange(1, n + 1)
-    return _open(f"boundary-value-{n}", F, t * (t - 1.0))
 
 
 def _open(name: str, formula: Callable[[list[Symbol]], Sequence[Any]], start: Any) -> Instance:

@@ -1,9 +1,8 @@
 """Exchange economies: prices p at which nobody wants more than there is.
 
-Consumer h owns e_h, spends the share α_hj of the income p·e_h on good j (Cobb and Douglas) or, with substitution σ,
-demands a_hj (p·e_h) p_j^−σ / Σ_i a_hi p_i^(1−σ). Prices are planted: what everybody consumes at p* comes first, then
-endowments that differ from it by trades of equal value. Prices and shares are powers of two, so that all is exact.
-F has degree 0 in p and is not defined at p = 0.
+Consumer h owns e_h and spends the share α_hj of the income p·e_h on good j (Cobb and Douglas). Prices are planted: what
+everybody consumes at p* comes first, then endowments that differ from it by trades of equal value. Prices and shares
+are powers of two, so that all is exact. F has degree 0 in p and is not defined at p = 0.
 """
 
 from __future__ import annotations
@@ -13,13 +12,11 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.nonlinear import NCP, MiCP, MiCPPoint, NCPPoint
-from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench_problems.generators.symbols import Symbol, mapped, product, unknowns
 
 PRICES = (0.25, 1.0, 4.0)
-"""Powers of four, whose roots are exact too."""
 SHARES = 16
 """Shares are whole numbers over this one."""
 
@@ -32,16 +29,6 @@ SHARES = 16
 )
 def build() -> list[Instance]:
     return [cobb_douglas(goods, people) for goods, people in ((4, 3), (10, 5), (40, 12), (30, 4), (60, 8))]
-
-
-@collection(
-    "walras-simplex",
-    "vi",
-    "exchange economies with constant elasticity of substitution, prices on a simplex",
-    "Scarf 1973, The Computation of Economic Equilibria, Yale; planted by cpbench",
-)
-def build_simplex() -> list[Instance]:
-    return [substitution(goods, people, s) for goods, people, s in ((4, 3, 0.5), (10, 5, 2.0), (30, 8, 0.5))]
 
 
 @collection(
@@ -117,27 +104,6 @@ def cobb_douglas(goods: int, people: int) -> Instance:
     problem = NCP(F=F, start=np.ones(goods), name=f"cobb-douglas-{goods}-{people}")
     facts = {"class": "homogeneous, singular", "ray": "t·solution, t > 0"}
     return Instance(problem, NCPPoint(z=economy.p), "planted", properties=facts)
-
-
-def substitution(goods: int, people: int, sigma: float) -> Instance:
-    """Build the variational inequality on {p ≥ 0, Σp = Σp*} with F = supply − demand(p), σ = ½ or 2.
-
-    By Walras' law, pᵀF(p) = 0, the multiplier of Σp = 1 is 0, and every solution is an equilibrium.
-    """
-    economy = _Economy(goods, people, 100 * goods + people)
-    n, e, sum_of_prices = goods, economy.e, economy.p.sum()
-    p = unknowns(n)
-    weights = economy.shares * (1.0 / np.sqrt(economy.p) if sigma == 0.5 else economy.p)
-    roots = [x.sqrt() for x in p]
-    income = product(e, p)
-    norm = product(weights, roots if sigma == 0.5 else [1.0 / x for x in p])
-    spent = product(weights.T, [m / s for m, s in zip(income, norm, strict=True)])
-    demand = [s / (root if sigma == 0.5 else x**2) for s, root, x in zip(spent, roots, p, strict=True)]
-    problem = VI(
-        F=mapped(p, _excess(e.sum(axis=0), demand)), lb=np.zeros(n), C=np.ones((1, n)), d=[sum_of_prices],
-        start=np.full(n, sum_of_prices / n), name=f"substitution-{goods}-{people}-{sigma:g}",
-    )  # fmt: skip
-    return Instance(problem, VIPoint(z=economy.p, mu=np.zeros(1)), "planted", properties={"class": "gross substitutes"})
 
 
 def activities(goods: int, people: int, k: int) -> Instance:

@@ -25,7 +25,7 @@ from cpbench_problems.generators import ncp_classics as classics
 from cpbench_problems.generators import symbols, walras
 
 FAMILIES = (
-    "ncp-classics", "nash-cournot", "walras", "walras-simplex", "scarf-activities", "harker-pang", "harker-pang-sets",
+    "ncp-classics", "nash-cournot", "walras", "scarf-activities", "harker-pang", "harker-pang-sets",
     "membranes", "traffic-paths", "traffic-grid", "hock-schittkowski-bounds", "hock-schittkowski-linear",
     "hock-schittkowski-nonlinear", "vi-classics", "vi-planted", "cp-planted",
     "qvi-games", "qvi-friction", "qvi-obstacles", "ge-planted", "equations",
