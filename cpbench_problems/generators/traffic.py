@@ -5,23 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.nonlinear import NCP, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench_problems.generators.symbols import Symbol, mapped, total, unknowns
 
 CONGESTION = 0.15
 """Of the Bureau of Public Roads: time = free time · (1 + 0.15 (flow/capacity)⁴)."""
-
-
-@collection(
-    "traffic-paths",
-    "ncp",
-    "Braess' paradox, by flows on paths",
-    "Braess 1968, Unternehmensforschung 12:258; Aashtiani and Magnanti 1981, SIAM J. Alg. Disc. Meth. 2:213",
-)
-def build_paths() -> list[Instance]:
-    return [braess(bridge=False), braess(bridge=True)]
 
 
 @collection(
@@ -44,25 +34,6 @@ def build_grids() -> list[Instance]:
 )
 def build_large() -> list[Instance]:
     return [grid(12, 8)]
-
-
-def braess(*, bridge: bool) -> Instance:
-    """Build six travellers; costs of the links 10x, x + 50, x + 50, 10x, and x + 10 for the bridge.
-
-    z = flows on the outer paths, on the one over the bridge, and the least cost: 0 ≤ h_p ⟂ C_p(h) − u ≥ 0,
-    0 ≤ u ⟂ Σh − 6 ≥ 0. Without the bridge (3, 3) at 83 each; with it (2, 2, 2) at 92: all are worse off.
-    """
-    z = unknowns(4 if bridge else 3)
-    h, u = z[:-1], z[-1]
-    over = h[2] if bridge else 0.0
-    first, last = 10.0 * (h[0] + over), 10.0 * (h[1] + over)
-    costs = [first + (h[0] + 50.0), (h[1] + 50.0) + last]
-    if bridge:
-        costs.append(first + (h[2] + 10.0) + last)
-    F = mapped(z, [*(c - u for c in costs), total(h) - 6.0])
-    solution = [2.0, 2.0, 2.0, 92.0] if bridge else [3.0, 3.0, 83.0]
-    problem = NCP(F=F, name="braess" if bridge else "braess-without-bridge")
-    return Instance(problem, NCPPoint(z=solution), "published", properties={"class": "affine, monotone"})
 
 
 class _Grid:

@@ -92,10 +92,10 @@ def test_multipliers_have_our_signs(solver: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("solver", "least"), some_by_day([("casadi-ipopt-nlp", 17), ("casadi-sqpmethod", 16), ("scipy-slsqp", 15)], 2)
+    ("solver", "least"), some_by_day([("casadi-ipopt-nlp", 15), ("casadi-sqpmethod", 14), ("scipy-slsqp", 13)], 2)
 )
 def test_most_of_hock_and_schittkowski_is_solved(solver: str, least: int) -> None:
-    """At 1e-8, of 17; what is not solved is not claimed. Those in VANISHING are where the book has them."""
+    """At 1e-8, of 15; what is not solved is not claimed. Those in VANISHING are where the book has them."""
     solved = []
     for name, problem in PROGRAMS.items():
         output = _run(solver, problem, by_verdict=name not in VANISHING)
@@ -107,7 +107,7 @@ def test_most_of_hock_and_schittkowski_is_solved(solver: str, least: int) -> Non
     assert len(solved) >= least, sorted(set(PROGRAMS) - set(solved))
 
 
-@pytest.mark.parametrize("name", ["hs6", "hs7", "hs28", "hs43", "hs76", "hs113"])
+@pytest.mark.parametrize("name", ["hs6", "hs7", "hs28", "hs43", "hs76"])
 def test_trust_constr(name: str) -> None:
     assert _run("scipy-trust-constr", PROGRAMS[name], 1e-6).claim is Claim.SOLVED
 
