@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import gc
 import importlib
-import importlib.util
 import os
 import pkgutil
 import re
@@ -74,15 +73,17 @@ def compile_library(package: str, level: str, number: int) -> None:
         from numba.pycc.cc import CC
     library = CC(f"{kernels.LIBRARY}_{level}_{number}", package)
     library.output_dir, library.target_cpu = str(folder_of(package)), MODELS[level]
+    library._extra_ldflags = {"linux": ["-s"]}  # names that only a debugger reads are a third
     with tempfile.TemporaryDirectory() as folder:
-        library._compile_mixins(folder)  # fails at once without a C compiler or Python's headers
-    _optimise_once()
-    compiler = kernels.compiler = Compiler(_divided(package)[number])
-    for module in compiler.modules:
-        importlib.import_module(f"{package}.{module}")
-    for name, compiled, signature in compiler.exported:
-        library.export(name, signature)(_calling(compiled))
-    library.compile()
+        parts = library._compile_mixins(folder)  # fails at once without a C compiler or Python's headers
+        library._compile_mixins = lambda _: parts  # type: ignore[method-assign]
+        _optimise_once()
+        compiler = kernels.compiler = Compiler(_divided(package)[number])
+        for module in compiler.modules:
+            importlib.import_module(f"{package}.{module}")
+        for name, compiled, signature in compiler.exported:
+            library.export(name, signature)(_calling(compiled))
+        library.compile()
 
 
 def _calling(compiled: Any) -> Any:
@@ -111,6 +112,7 @@ def _optimise_once() -> None:
 
     whole = codegen.CPUCodeLibrary._optimize_final_module
     codegen.CPUCodeLibrary._optimize_final_module = optimise  # type: ignore[method-assign]
+    codegen.JITCodeLibrary._finalize_specific = lambda _: None  # type: ignore[method-assign]  # no machine code here
     # Numba wants some builtin function for each, a different one
     cpu.CPUContext.get_executable = lambda *_: [].append  # type: ignore[method-assign]
     compiler.Flags = without_lock  # type: ignore[attr-defined]
@@ -128,6 +130,7 @@ def build(packages: Sequence[str], levels: Sequence[str]) -> list[str]:
     ]
     tasks = [(package, level, number) for package, level in stale for number in range(len(_divided(package)))]
     tasks.reverse()  # the largest of `PACKAGES` is the last
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     running: list[tuple[str, subprocess.Popen[str]]] = []
     errors: list[str] = []
     for package, level, number in tasks:
@@ -135,7 +138,7 @@ def build(packages: Sequence[str], levels: Sequence[str]) -> list[str]:
             errors += _ended(*running.pop(0))
         print(f"compiling {package} ({level})", file=sys.stderr, flush=True)
         command = [sys.executable, __file__, "--library", package, level, str(number)]
-        running.append((package, subprocess.Popen(command, stderr=subprocess.PIPE, text=True)))
+        running.append((package, subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)))
     for package, process in running:
         errors += _ended(package, process)
     for package, level in stale if not errors else []:
@@ -157,14 +160,12 @@ def present() -> list[str]:
 
 
 def folder_of(package: str) -> Path:
-    """Return where a package lies. Raises ModuleNotFoundError."""
-    beside = ROOT.joinpath(*package.split("."))
-    if beside.is_dir():
-        return beside
-    spec = importlib.util.find_spec(package)
-    if spec is None or not spec.submodule_search_locations:
-        raise ModuleNotFoundError(f"no package {package}", name=package)
-    return Path(next(iter(spec.submodule_search_locations)))
+    """Return where a package lies, and import nothing. Raises ModuleNotFoundError."""
+    for path in (ROOT, *sys.path):
+        folder = Path(path, *package.split("."))
+        if folder.is_dir():
+            return folder
+    raise ModuleNotFoundError(f"no package {package}", name=package)
 
 
 def _source(package: str, module: str) -> Path:
@@ -215,9 +216,9 @@ def _stand_in(package: str) -> None:
         above = name.split(".")
         for depth in range(1, len(above) + 1):
             part = ".".join(above[:depth])
-            if part not in sys.modules and ROOT.joinpath(*above[:depth]).is_dir():
+            if part not in sys.modules:
                 module = types.ModuleType(part)
-                module.__path__ = [str(ROOT.joinpath(*above[:depth]))]
+                module.__path__ = [str(folder_of(part))]
                 sys.modules[part] = module
 
 

@@ -125,7 +125,7 @@ def kernel(*signatures: Type, fast: frozenset[str] = frozenset()) -> Callable[[A
         names = [symbol(module, function.__name__, number) for number in range(len(signatures))]
         library = _library(package)
         if not library.keys() >= set(names):
-            return _interpreted(function, f"{module}.{function.__name__}")
+            return _interpreted(function, package, f"{module}.{function.__name__}")
         compiled = [library[name] for name in names]
         if len(compiled) == 1 and not os.environ.get(CHECKED):
             return compiled[0]
@@ -163,14 +163,15 @@ def level() -> str:
     return "v3" if fast else "v2"
 
 
-def described() -> str:
-    """Return what the kernels of cpbench run as in this installation, and which of them are not compiled."""
-    stale = [package for package in PACKAGES if find_spec(package.partition(".")[0]) and not _levels(package)]
+def described(*others: str) -> str:
+    """Return what the kernels of cpbench, and of other packages, run as here, and which of them are not compiled."""
+    packages = [one for one in dict.fromkeys((*PACKAGES, *others)) if find_spec(one.partition(".")[0])]
+    stale = [package for package in packages if not _levels(package)]
     if not stale:
         return f"compiled for this processor's level of instructions ({level()})"
     return (
         f"NOT compiled, or changed since: {', '.join(stale)}. Python runs them, a hundred times slower or more; "
-        "run, with a C compiler: python -m cpbench.foundation.kernel_build"
+        f"run, with Numba, setuptools and a C compiler: python -m cpbench.foundation.kernel_build {' '.join(stale)}"
     )
 
 
@@ -205,11 +206,11 @@ def _library(package: str) -> Mapping[str, Any]:
     return {}
 
 
-def _interpreted(function: Any, name: str) -> Any:
+def _interpreted(function: Any, package: str, name: str) -> Any:
     """Run a kernel as Python, with the divisions by 0 that compiled ones have; warn of the first one."""
     not_compiled.append(name)
     if len(not_compiled) == 1:
-        warnings.warn(f"kernels of cpbench: {described()}", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"kernels: {described(package)}", RuntimeWarning, stacklevel=2)
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:

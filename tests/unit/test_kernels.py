@@ -77,8 +77,39 @@ def test_without_current_libraries_python_runs_them(elsewhere: Path, changed: bo
     run = {"env": environment, "cwd": elsewhere, "capture_output": True, "text": True, "check": True}
     done = subprocess.run([sys.executable, "-c", SOLVE], **run)
     assert done.stdout.startswith("True False [0.33")
-    assert "RuntimeWarning: kernels of cpbench:" in done.stderr
-    assert "NOT compiled" in done.stderr
+    assert "RuntimeWarning: kernels: NOT compiled" in done.stderr
+
+
+PRODUCT = """
+from cpbench.foundation.kernels import DATA, float64, kernel
+
+
+@kernel(float64(DATA, DATA))
+def product(x, y):
+    total = 0.0
+    for k in range(x.size):
+        total += x[k] * y[k]
+    return total
+"""
+
+
+def test_a_package_of_a_stranger_is_compiled_by_its_name(tmp_path: Path) -> None:
+    """What stands above its kernels is not imported; Python runs them before, with a warning that names them."""
+    folder = tmp_path / "stranger" / "kernels"
+    folder.mkdir(parents=True)
+    (tmp_path / "stranger" / "__init__.py").write_text("from stranger.kernels.products import product\n")
+    (folder / "__init__.py").touch()
+    (folder / "products.py").write_text(PRODUCT)
+    run = {"env": {**os.environ, "PYTHONPATH": str(ROOT)}, "cwd": tmp_path, "capture_output": True, "text": True}
+    use = "import numpy as np, stranger as s; x = np.arange(3.0); print(type(s.product).__name__, s.product(x, x))"
+    del run["env"][kernels.CHECKED]
+    before = subprocess.run([sys.executable, "-c", use], check=True, **run)
+    assert before.stdout == "function 5.0\n"
+    assert "kernel_build stranger.kernels" in before.stderr
+    command = [sys.executable, "-m", "cpbench.foundation.kernel_build", "stranger.kernels"]
+    subprocess.run(command, check=True, **run)
+    after = subprocess.run([sys.executable, "-c", use], check=True, **run)
+    assert (after.stdout, after.stderr) == ("builtin_function_or_method 5.0\n", "")
 
 
 @pytest.mark.nightly
