@@ -129,7 +129,7 @@ APART: dict[Path, tuple[str, ...]] = {
 """Packages that none of a package's modules imports: they come in by entry points and registries."""
 
 
-@pytest.mark.parametrize("package", APART, ids=lambda path: path.name)
+@pytest.mark.parametrize("package", [pytest.param(p, marks=pytest.mark.needs(p.name), id=p.name) for p in APART])
 def test_a_package_imports_none_of_the_others(package: Path) -> None:
     files = sorted(package.rglob("*.py"))
     assert files

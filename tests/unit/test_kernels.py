@@ -35,6 +35,7 @@ def test_signatures_are_written_as_numba_reads_them() -> None:
     assert read_only(float64, 3).text == "Array(float64, 3, 'C', True)"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_kernels_are_compiled_and_need_no_numba() -> None:
     assert list(solvers)
     assert kernels.not_compiled == []
@@ -64,6 +65,7 @@ def elsewhere(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("changed", [False, True])
 def test_without_current_libraries_python_runs_them(elsewhere: Path, changed: bool) -> None:
     """The same answer, and a warning."""
@@ -112,6 +114,7 @@ def test_a_package_of_a_stranger_is_compiled_by_its_name(tmp_path: Path) -> None
     assert (after.stdout, after.stderr) == ("builtin_function_or_method 5.0\n", "")
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.nightly
 def test_a_changed_kernel_is_compiled_anew(elsewhere: Path) -> None:
     script = elsewhere / "cpbench" / "foundation" / "kernel_build.py"
