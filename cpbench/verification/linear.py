@@ -177,7 +177,9 @@ def gap_error(system: System, layout: Layout, sizes: AnswerSizes) -> tuple[Vecto
     if frame.signed is None or not layout.program.any():
         return np.zeros(of.count), np.zeros(of.count)
     weight = of.spread(layout.program) & np.isfinite(sizes.x) & np.isfinite(sizes.f)
-    far = np.where(z, np.maximum(sizes.x, layout.C * of.spread(sizes.reach)), sizes.x)  # 0 is not near a bound
+    # 0 is not near a bound, of a multiplier one that is not 0
+    beyond = np.where(z, layout.C * of.spread(sizes.reach), frame.largest(frame.sets.sides))
+    far = np.maximum(sizes.x, beyond)
     far = np.where(of.spread(sizes.absolute), np.inf, far)
     gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, frame.spread(far)))))
     linear = weight * frame.block_sums(system.x * frame.signed)

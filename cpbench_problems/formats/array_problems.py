@@ -61,6 +61,8 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: ArrayForm | Non
     for name in there:
         if name in form.aside:
             text += f"; {name}, {form.aside[name]}, is no part of it"
+    if form.name == "linprog" and "bounds" not in shapes:
+        text += "; x ≥ 0, which it has where no bounds are given"
     return form, text
 
 

@@ -30,10 +30,13 @@ class NamedArrays:
         return name in self.values
 
     def matrix(self, name: str, columns: int | None = None) -> Any:
-        """Return the matrix `name`, without rows where it is absent and `columns` are given; raises FormatError."""
+        """Return the matrix `name`, without rows where it is absent and `columns` are given; a vector is one row, a number
+        1 x 1. Raises FormatError."""
         if name not in self.values and columns is not None:
             return np.zeros((0, columns))
         value = self.values[name]
+        if value.ndim < 2 and value.dtype.kind in "biuf":
+            value = value.reshape(1, -1)
         if value.dtype.kind not in "biuf" or value.ndim != 2:
             raise self.error(name, f"{_held(value)}, expected a matrix of numbers")
         return value.astype(np.float64)

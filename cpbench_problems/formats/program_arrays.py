@@ -87,7 +87,8 @@ def _hessian(arrays: NamedArrays, form: str, name: str, n: int) -> Any:
 
 def _block(arrays: NamedArrays, form: str, rows: Rows) -> Block:
     A = arrays.matrix(rows.matrix, 0)
-    A = sp.csr_array(A.T if rows.transposed else A)
+    column = rows.transposed and rows.matrix in arrays and arrays.values[rows.matrix].ndim == 2
+    A = sp.csr_array(A.T if column else A)
     A.eliminate_zeros()
     if rows.cone:
         upper = infinite(arrays.vector(rows.upper))

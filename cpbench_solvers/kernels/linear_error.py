@@ -221,8 +221,9 @@ def _gap(problem, x, f, sizes, sums, x_unit, f_unit, known, size):
         g = group[i]
         weight = 1.0 if known[ABSOLUTE, g] or not known[AIMLESS, g] else 0.0
         far = 1.0 / x_unit[i] if x_unit[i] > 0.0 else 0.0
+        side = max(abs(low[i]) if low[i] > -np.inf else 0.0, abs(high[i]) if high[i] < np.inf else 0.0)
+        far = max(far, C[i] * size[REACH, g] if z[i] else side)  # an answer of 0 is not near its bounds
         if z[i]:
-            far = max(far, C[i] * size[REACH, g])  # an answer of 0 is not near its bounds
             most[g] = max(most[g], 1.0 / (x_unit[i] * C[i]) if x_unit[i] > 0.0 else 0.0)
         bound = low[i] if f[i] > 0.0 else high[i]
         room = abs(x[i] - bound) if abs(bound) < np.inf else abs(x[i])

@@ -533,3 +533,10 @@ def test_a_stored_zero_before_the_first_entry_changes_no_verdict() -> None:
     assert problem.C.nnz == 6
     point = QPPoint(z=np.zeros(3), lam=np.zeros(0), mu=np.array([1e3, -1e3]), nu=np.zeros(3))
     assert judge(problem, point, 1e-6).error == 0.0
+
+
+def test_a_multiplier_is_not_near_its_bound_because_it_is_0() -> None:
+    """z₂ is at 0, and its row of 9 pushes it to −3; nothing of the answer has a size, and the rows are a program's."""
+    problem = Relay(M=[[5.0, 1.0], [-1.0, 4.0]], q=[0.0, 9.0], lb=[-2.0, -3.0], ub=[1.0, 0.0])
+    assert judge(problem, LCPPoint(z=np.zeros(2)), 1e-6).error > 0.1
+    assert judge(problem, LCPPoint(z=np.array([3.0, -15.0]) / 7.0), 1e-12).solved

@@ -303,3 +303,25 @@ def test_named_arrays_of_json_are_read(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(FormatError, match=cause):
             storage.load(path)
+
+
+def test_a_vector_is_one_row_and_a_number_is_one_by_one(tmp_path: Path) -> None:
+    one = {"P": P, "q": q, "G": G[0], "h": np.array(h[0]), "A": A[0], "b": b[:1]}
+    wanted = QP(Q=P, p=q, A=-G[:1], b=-h[:1], C=A[:1], d=b[:1])
+    assert storage.load(saved(tmp_path / "p.npz", one)).fingerprint == wanted.fingerprint
+    column = {"G": P, "a": -q, "C": A[0], "b": np.array(b[0]), "meq": np.array(1)}
+    assert storage.load(saved(tmp_path / "c.npz", column)).fingerprint == QP(Q=P, p=q, C=A[:1], d=b[:1]).fingerprint
+    scalar = {"P": np.array(2.0), "q": np.array(1.0), "lb": np.array(0.0)}
+    assert storage.load(saved(tmp_path / "s.npz", scalar)).fingerprint == QP(Q=[[2.0]], p=[1.0], lb=[0.0]).fingerprint
+
+
+def test_linear_programs_of_scipy_and_matlab_have_their_own_bounds(tmp_path: Path) -> None:
+    """Without bounds x ≥ 0 in SciPy, any x in MATLAB; a pair of bounds is that of all unknowns."""
+    for arrays, lower in (
+        ({"c": q, "A_ub": G, "b_ub": h}, 0.0),
+        ({"c": q, "A_ub": G, "b_ub": h, "bounds": np.array([-2.0, np.inf])}, -2.0),
+        ({"f": q, "A": G, "b": h}, -inf),
+    ):
+        problem: Any = storage.load(saved(tmp_path / "p.npz", arrays))
+        assert problem.fingerprint == QP(Q=np.zeros((n, n)), p=q, A=-G, b=-h, lb=np.full(n, lower)).fingerprint
+        assert ("x ≥ 0" in problem.info.properties["form"]) == (lower == 0.0)
