@@ -44,10 +44,9 @@ import scipy.sparse as sp
 from cpbench.errors import PointError, ProblemError
 from cpbench.formulations.base import Info, Point, Problem
 from cpbench.formulations.linear import AVI, LCP, LCPPoint
-from cpbench.formulations.programs import QP, QPPoint
+from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench_problems.formats.file_rows import file_rows
 
 GAME = "game"
 """Property of an LCP that is a game: the number of rows and of columns."""
@@ -248,10 +247,8 @@ def _with_friction(A: Any, hi: Vector, normal: Any, friction: Any) -> Any:
 
 
 def own_unknowns(problem: Problem, point: Point) -> dict[str, Vector] | None:
-    """Return x and y of a game, x and the residual r of least squares, x of a boxed LCP, or x and the multipliers of a
-    program as its package has them; None of any other problem, and where the answer has no probabilities."""
-    if isinstance(point, QPPoint) and (rows_in_file := file_rows(problem)) is not None:
-        return rows_in_file.shown(point)
+    """Return x and y of a game, x and the residual r of least squares, or x of a boxed LCP; None of any other problem,
+    and where the answer has no probabilities."""
     if game_sizes(problem) is not None:
         try:
             x, y = strategies(problem, point)

@@ -14,15 +14,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from cpbench.errors import PointError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation.matrices import Vector
+from cpbench_problems import applications
 from cpbench_problems.formats.program_forms import Program
 
 
 @dataclass(frozen=True, eq=False)
 class FileRows:
-    """Where the rows of a file are in its quadratic program; they are counted through all matrices.
+    """Places of the rows of a file in its quadratic program; they are counted through all matrices.
 
     Attributes
     ----------
@@ -114,6 +115,15 @@ def remember(problem: Problem, rows: FileRows) -> None:
 def file_rows(problem: Problem) -> FileRows | None:
     """Return where the rows of its file are, of a problem that was read from arrays of a package."""
     return _ROWS.get(problem)
+
+
+def own_unknowns(problem: Problem, point: Point) -> dict[str, Vector] | None:
+    """Return x and the multipliers of a program as its package has them, the unknowns of a game, of least squares or of
+    a boxed LCP; None of any other problem."""
+    rows = file_rows(problem)
+    if rows is not None and isinstance(point, QPPoint):
+        return rows.shown(point)
+    return applications.own_unknowns(problem, point)
 
 
 def answer_of_package(problem: Problem, arrays: Mapping[str, Vector]) -> QPPoint | None:

@@ -30,8 +30,10 @@ class NamedArrays:
         return name in self.values
 
     def matrix(self, name: str, columns: int | None = None) -> Any:
-        """Return the matrix `name`, without rows where it is absent and `columns` are given; a vector is one row, a number
-        1 x 1. Raises FormatError."""
+        """Return the matrix `name`, without rows where it is absent and `columns` are given; a vector is one row.
+
+        Raises FormatError.
+        """
         if name not in self.values and columns is not None:
             return np.zeros((0, columns))
         value = self.values[name]

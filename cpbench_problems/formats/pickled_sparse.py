@@ -17,7 +17,7 @@ _NUMBERS = ("f4", "f8", "i4", "i8")
 
 
 class _StandIn:
-    """What a pickle makes of a class or a function: its arguments and its state."""
+    """Stand-in for what a pickle makes of a class or a function, with its arguments and its state."""
 
     args: tuple[Any, ...]
     state: Any = None

@@ -39,7 +39,7 @@ _OTHERS = {"s": "positive semidefinite matrices", "ep": "exponentials", "ed": "e
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class RowBlock:
     """Rows of one matrix of a file, lower ≤ Ax ≤ upper; `disks` : the sizes of its cones of second order, whose rows
     upper − Ax are its last."""
 
@@ -85,7 +85,7 @@ def _hessian(arrays: NamedArrays, form: str, name: str, n: int) -> Any:
     return arrays.symmetric(name)
 
 
-def _block(arrays: NamedArrays, form: str, rows: Rows) -> Block:
+def _block(arrays: NamedArrays, form: str, rows: Rows) -> RowBlock:
     A = arrays.matrix(rows.matrix, 0)
     column = rows.transposed and rows.matrix in arrays and arrays.values[rows.matrix].ndim == 2
     A = sp.csr_array(A.T if column else A)
@@ -99,7 +99,7 @@ def _block(arrays: NamedArrays, form: str, rows: Rows) -> Block:
         kind = np.repeat([kind for kind, _ in kinds], [size for _, size in kinds])
         order = np.argsort(kind == "SecondOrder", kind="stable")
         disks = tuple(size for kind, size in kinds if kind == "SecondOrder" and size)
-        return Block(rows.matrix, A[order], np.where(kind == "Zero", upper, -np.inf)[order], upper[order], disks)
+        return RowBlock(rows.matrix, A[order], np.where(kind == "Zero", upper, -np.inf)[order], upper[order], disks)
     m = max([A.shape[0], *(arrays.vector(side).size for side in (rows.lower, rows.upper) if side)])
     if m > A.shape[0] and form == "DAQP":  # the first sides are those of the first unknowns
         n = A.shape[1] or m
@@ -119,10 +119,10 @@ def _block(arrays: NamedArrays, form: str, rows: Rows) -> Block:
         upper = np.where(np.arange(m) < equations, lower, upper)
         if not 0 <= equations <= m or equations != int(equations):
             raise arrays.error("meq", f"is {equations:g}, expected a number of the {m} columns of {rows.matrix}")
-    return Block(rows.matrix, A, infinite(lower), infinite(upper))
+    return RowBlock(rows.matrix, A, infinite(lower), infinite(upper))
 
 
-def _wide(block: Block, n: int) -> Block:
+def _wide(block: RowBlock, n: int) -> RowBlock:
     """Return rows that are absent with n unknowns."""
     return block if any(block.A.shape) else dataclasses.replace(block, A=sp.csr_array((0, n)))
 
@@ -181,7 +181,9 @@ def _spread(arrays: NamedArrays, name: str, size: int, absent: float) -> Vector:
     return np.broadcast_to(values, size).copy()
 
 
-def _quadratic(meaning: Program, blocks: list[Block], lb: Vector, ub: Vector) -> tuple[dict[str, Any], FileRows | None]:
+def _quadratic(
+    meaning: Program, blocks: list[RowBlock], lb: Vector, ub: Vector
+) -> tuple[dict[str, Any], FileRows | None]:
     """Return the rows and bounds of a quadratic program."""
     n = lb.size
     A = sp.csr_array(sp.vstack([block.A for block in blocks], format="csr"))
@@ -211,7 +213,7 @@ def _quadratic(meaning: Program, blocks: list[Block], lb: Vector, ub: Vector) ->
     return uncrossed(parts | {"lb": lb, "ub": ub}), None if (lb > ub).any() else rows
 
 
-def _conic(Q: Any, p: Vector, blocks: list[Block]) -> Made:
+def _conic(Q: Any, p: Vector, blocks: list[RowBlock]) -> Made:
     """Return equations, then rows below a side, then cones of second order; rows without a side are left out."""
     equal = [(block.A[at], block.lower[at]) for block in blocks for at in [block.lower == block.upper]]
     flat = [block.upper.size - sum(block.disks) for block in blocks]
@@ -227,7 +229,7 @@ def _conic(Q: Any, p: Vector, blocks: list[Block]) -> Made:
     return ConeQP, {**parts, **cone_fields(ProductCone.of(*(f for f in factors if f[2])))}, {}
 
 
-def _squares(arrays: NamedArrays, meaning: Program, blocks: list[Block]) -> Made:
+def _squares(arrays: NamedArrays, meaning: Program, blocks: list[RowBlock]) -> Made:
     """Return the QP that `least_squares_problem` makes, with the conditions on x."""
     C, d = arrays.matrix(meaning.squares[0]), arrays.vector(meaning.squares[1])
     n = C.shape[1]

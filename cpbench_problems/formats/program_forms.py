@@ -38,7 +38,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Program:
-    """What the arrays of a form mean.
+    """Meaning of the arrays of a form.
 
     Attributes
     ----------
