@@ -16,7 +16,7 @@ from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import QP, ConeQP
+from cpbench.formulations import ConeQP
 from cpbench.foundation.cones import Cone
 
 Arrays = dict[str, Any]
@@ -172,21 +172,7 @@ def test_bounds_by_other_names_are_refused_with_the_right_ones(tmp_path: Path) -
         storage.load(npz(tmp_path, FORMS["box QP"] | {"G": G, "h": h}))
 
 
-def test_forms_of_packages_are_the_program_that_they_say(tmp_path: Path) -> None:
-    """min ½xᵀPx + qᵀx, Gx ≤ h, Ax = b, lb ≤ x ≤ ub, by four sets of names and with a sparse P."""
-    wanted = QP(Q=P, p=q, A=-G, b=-h, C=A, d=b, lb=lb, ub=ub)
-    rows = np.vstack([G, A, np.eye(N)])
-    minus, plus = np.r_[np.full(M, -np.inf), b, lb], np.r_[h, b, ub]
-    sparse = {f"P.{part}": getattr(CSR, part) for part in ("data", "indices", "indptr")}
-    same: Mapping[str, Arrays] = {
-        "qpsolvers": FORMS["qpsolvers"],
-        "quadprog": FORMS["quadprog"],
-        "OSQP": {"P": P, "q": q, "A": rows, "l": minus, "u": plus},
-        "sparse": {name: value for name, value in FORMS["qpsolvers"].items() if name != "P"} | sparse
-        | {"P.shape": np.array([N, N])},
-    }  # fmt: skip
-    for name, arrays in same.items():
-        assert storage.load(npz(tmp_path, arrays)).fingerprint == wanted.fingerprint, name
+def test_cones_of_second_order_make_a_conic_program(tmp_path: Path) -> None:
     cone = storage.load(npz(tmp_path, FORMS["CVXOPT"]))
     assert isinstance(cone, ConeQP)
     x = rng.standard_normal(N)
