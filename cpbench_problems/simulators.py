@@ -20,10 +20,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cpbench.analysis.contact_freedom import without_motion
 from cpbench.errors import ProblemError, Unavailable
 from cpbench.formulations.base import Contacts
-from cpbench.formulations.contact import LocalContact
+from cpbench.formulations.contact import LocalContact, without_motion
 from cpbench.formulations.local_contact import AnisotropicFrictionContact, FrictionContact, RollingFrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.text import counted

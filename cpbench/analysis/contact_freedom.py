@@ -10,7 +10,7 @@ import scipy.linalg as sla
 
 from cpbench.analysis.contact_states import State, contact_states
 from cpbench.formulations.base import Point
-from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.contact import ContactProblem, without_motion
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.foundation.text import counted
@@ -30,12 +30,6 @@ def freedom_lines(problem: ContactProblem, point: Point, tolerance: float) -> It
         yield f"  forces are not unique (hyperstatic, of {counted(free.shape[1], 'dimension')}){shown}"
     if problem.nc and _holds_at_rest(problem, point):
         yield "  the motion is not unique: forces at the contacts can hold all at rest, too (cpbench sweep --bisect)"
-
-
-def without_motion(problem: ContactProblem) -> list[int]:
-    """Return the contacts with W_NN = 0: at most 1e-12 of the largest mobility."""
-    mobility = problem.mobility
-    return np.flatnonzero(mobility[:, 0] <= 1e-12 * mobility.max(initial=0.0)).tolist()
 
 
 def least_forces(problem: ContactProblem, point: Point, tolerance: float) -> Point | None:

@@ -285,5 +285,11 @@ def opposition(normal: Vector, rt: Dense, ut: Dense, mu: Vector, noise: Vector) 
     return np.degrees(np.arctan2(np.abs(across), opposite)), normal[sliding]
 
 
+def without_motion(problem: ContactProblem) -> list[int]:
+    """Return the contacts with W_NN = 0: at most 1e-12 of the largest mobility."""
+    mobility = problem.mobility
+    return np.flatnonzero(mobility[:, 0] <= 1e-12 * mobility.max(initial=0.0)).tolist()
+
+
 def _row_norms(X: Dense) -> Vector:
     return np.sqrt(np.einsum("ij,ij->i", X, X))

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.analysis.contact_freedom import without_motion
 from cpbench.formulations import MLCP, Problem
-from cpbench.formulations.contact import ContactProblem, DelassusContact
+from cpbench.formulations.contact import ContactProblem, DelassusContact, without_motion
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import PSD_TOLERANCE, Matrix
 from cpbench_lab.facts.fact import Fact, How, decided
