@@ -30,7 +30,7 @@ from cpbench.storage.base import Format, formats, no_member, read_bytes, read_he
 from cpbench_problems.formats.model_problem import problem_of
 from cpbench_problems.formats.mof_functions import Affine, Quadratic
 from cpbench_problems.formats.mof_model import read_model
-from cpbench_problems.formats.mof_write import constraints, joined, objective, variables
+from cpbench_problems.formats.mof_write import constraints, objective, variables
 from cpbench_problems.formats.problem_model import CONVEX, MODELS, formulation_of, model_of_problem
 from cpbench_problems.formats.to_mof import MINOR
 
@@ -101,9 +101,9 @@ def text(problem: Problem) -> Iterator[str]:
     named = f'"name": {json.dumps(problem.name)},\n' if problem.name else ""
     version = f'{{"major": 1, "minor": {MINOR if problem.has_maps() else 0}}}'
     yield f'{{"version": {version},\n{named}"description": {json.dumps(described)},\n"variables": ['
-    yield from joined(variables(model))
+    yield ", ".join(variables(model))
     yield f'],\n"objective": {objective(model)},\n"constraints": [\n'
-    yield from joined(constraints(model, ("g", "h") if problem.has_maps() else ("A", "C")), ",\n")
+    yield ",\n".join(constraints(model, ("g", "h") if problem.has_maps() else ("A", "C")))
     yield "\n]}\n"
 
 

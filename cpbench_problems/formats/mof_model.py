@@ -92,6 +92,14 @@ class Model:
         rows = (row.function for row in (*self.above, *self.equal))
         return all(isinstance(function, Affine) for function in (*rows, *self.pairs.values()))
 
+    def constrain(self, function: Function, low: float, high: float) -> None:
+        """Add the rows of low ≤ function ≤ high."""
+        if low == high:
+            self.equal.append(ModelRow(function, low))
+            return
+        self.above += [ModelRow(function, low)] if low > -math.inf else []
+        self.above += [ModelRow(function, high, below=True)] if high < math.inf else []
+
     def refused(self, where: str, cause: str) -> FormatError:
         return FormatError(self.source, where, cause)
 
@@ -178,11 +186,8 @@ class _Reader:
                 if row.columns[0] >= len(self.model.names):
                     raise fields.refused(where, "bounds a parameter")
                 self._bound(row.columns[0], least, most)
-            elif least == most:
-                self.model.equal.append(ModelRow(row, least))
             else:
-                self.model.above += [ModelRow(row, least)] if least > -math.inf else []
-                self.model.above += [ModelRow(row, most, below=True)] if most < math.inf else []
+                self.model.constrain(row, least, most)
 
     def _cone(self, kind: str, rows: list[Function], where: str) -> None:
         """Add a vector in a second-order cone, or in a rotated one."""

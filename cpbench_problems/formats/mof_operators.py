@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from cpbench.formulations.expressions.map import Builder
 from cpbench.formulations.expressions.operators import Operator
+from cpbench.formulations.expressions.recording import Symbol
 
 UNARY: Mapping[str, Operator] = {
     "-": Operator.NEG,
@@ -32,57 +32,23 @@ WRITTEN: Mapping[Operator, str] = {o: name for table in (UNARY, BINARY, MANY) fo
 """Name of each operation in files; NOT a is ifelse(a, 0, 1) and CHOOSE(a, b) is ifelse(a, b, 0)."""
 
 
-@dataclass(frozen=True)
-class OperandValue:
-    """A value of a map that is being built, with arithmetic."""
-
-    build: Builder
-    number: int
-
-    def apply(self, operator: Operator, *others: OperandValue) -> OperandValue:
-        """Apply an operator to a value and others."""
-        return OperandValue(self.build, self.build.apply(operator, self.number, *(other.number for other in others)))
-
-    def _constant(self, value: float) -> OperandValue:
-        return OperandValue(self.build, self.build.constant(value))
-
-    def __add__(self, other: OperandValue) -> OperandValue:
-        return self.apply(Operator.ADD, other)
-
-    def __sub__(self, other: OperandValue) -> OperandValue:
-        return self.apply(Operator.SUB, other)
-
-    def __mul__(self, other: OperandValue | float) -> OperandValue:
-        return self.apply(Operator.MUL, other if isinstance(other, OperandValue) else self._constant(other))
-
-    def __truediv__(self, other: float) -> OperandValue:
-        return self.apply(Operator.DIV, self._constant(other))
-
-    def __rtruediv__(self, other: float) -> OperandValue:
-        return self._constant(other).apply(Operator.DIV, self)
-
-    def __rpow__(self, other: float) -> OperandValue:
-        return self._constant(other).apply(Operator.POW, self)
-
-    def __pow__(self, other: float) -> OperandValue:
-        return self.apply(Operator.POW, self._constant(other))
-
-    def is_constant(self, value: float) -> bool:
-        return self.number == self.build.constant(value)
-
-    def signed(self, size: OperandValue) -> OperandValue:
-        """Return `size` with the sign of this, 0 where this is 0."""
-        zero = self._constant(0.0)
-        above, below = zero.apply(Operator.LT, self), self.apply(Operator.LT, zero)
-        return above.apply(Operator.CHOOSE, size) - below.apply(Operator.CHOOSE, size)
+def _constant(x: Symbol, value: float) -> Symbol:
+    return Symbol(x.build, x.build.constant(value))
 
 
-def _choice(condition: OperandValue, yes: OperandValue, no: OperandValue) -> OperandValue:
+def _signed(x: Symbol, size: Symbol) -> Symbol:
+    """Return `size` with the sign of x, 0 where that is 0."""
+    above, below = _constant(x, 0.0).apply(Operator.LT, x), x.apply(Operator.LT, 0.0)
+    return above.apply(Operator.CHOOSE, size) - below.apply(Operator.CHOOSE, size)
+
+
+def _choice(condition: Symbol, yes: Symbol, no: Symbol) -> Symbol:
     """Return ifelse in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
-    if no.is_constant(0.0):
+    zero = _constant(no, 0.0).number
+    if no.number == zero:
         return condition.apply(Operator.CHOOSE, yes)
     otherwise = condition.apply(Operator.NOT)
-    if yes.is_constant(0.0) and no.is_constant(1.0):
+    if yes.number == zero and no.number == _constant(no, 1.0).number:
         return otherwise
     return condition.apply(Operator.CHOOSE, yes) + otherwise.apply(Operator.CHOOSE, no)
 
@@ -94,25 +60,23 @@ _ARCS = {"asec": Operator.ACOS, "acsc": Operator.ASIN, "acot": Operator.ATAN}
 _AREAS = {"asech": Operator.ACOSH, "acsch": Operator.ASINH, "acoth": Operator.ATANH}
 
 
-def _named(
-    table: Mapping[str, Operator], suffix: str, formula: Callable[[OperandValue, Operator], OperandValue]
-) -> dict[str, Any]:
+def _named(table: Mapping[str, Operator], suffix: str, formula: Callable[[Symbol, Operator], Symbol]) -> dict[str, Any]:
     """Return `formula` of an argument and an operator, for every name of a table."""
     return {f"{name}{suffix}": (1, lambda x, o=o: formula(x, o)) for name, o in table.items()}
 
 
 _SINES = {name: UNARY[name] for name in ("sin", "cos", "tan")}
 _ARCSINES = {name: UNARY[name] for name in ("asin", "acos", "atan")}
-FORMULAS: Mapping[str, tuple[int, Callable[..., OperandValue]]] = {
+FORMULAS: Mapping[str, tuple[int, Callable[..., Symbol]]] = {
     "ifelse": (3, _choice),
     ">": (2, lambda a, b: b.apply(Operator.LT, a)),
     ">=": (2, lambda a, b: b.apply(Operator.LE, a)),
     "abs2": (1, lambda x: x * x),
     "inv": (1, lambda x: 1.0 / x),
-    "cbrt": (1, lambda x: x.signed(x.apply(Operator.ABS) ** (1.0 / 3.0))),
+    "cbrt": (1, lambda x: _signed(x, abs(x) ** (1.0 / 3.0))),
     "log2": (1, lambda x: x.apply(Operator.LOG) / _LN2),
     "log10": (1, lambda x: x.apply(Operator.LOG) / _LN10),
-    "exp2": (1, lambda x: 2.0**x),
+    "exp2": (1, lambda x: _constant(x, 2.0).apply(Operator.POW, x)),
     "deg2rad": (1, lambda x: x * _DEGREE),
     "rad2deg": (1, lambda x: x / _DEGREE),
     **_named(_CIRCULAR | _HYPERBOLIC, "", lambda x, o: 1.0 / x.apply(o)),
@@ -140,5 +104,5 @@ def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
             total = build.apply(MANY[head], total, argument)
         return total
     if head in FORMULAS and count == FORMULAS[head][0]:
-        return FORMULAS[head][1](*(OperandValue(build, a) for a in arguments)).number
+        return FORMULAS[head][1](*(Symbol(build, a) for a in arguments)).number
     return None

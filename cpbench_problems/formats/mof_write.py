@@ -7,7 +7,7 @@ much that this would be far longer. The constant of a row is in its set, as JuMP
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -123,8 +123,3 @@ def _vector(model: Model, functions: Sequence[Function]) -> str:
     )
     constants = ", ".join(repr(row.constant) for row in affine)
     return f'{{"type": "VectorAffineFunction", "terms": [\n{terms}],\n"constants": [{constants}]}}'
-
-
-def joined(parts: Iterable[str], between: str = ", ") -> Iterator[str]:
-    for k, part in enumerate(parts):
-        yield f"{between}{part}" if k else part

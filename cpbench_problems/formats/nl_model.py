@@ -32,13 +32,8 @@ def model_of(path: Path, segments: Segments, quadratic: bool) -> Model:
         function = _function(segments, segments.rows[row], segments.linear.get(row, []), quadratic=False)
         if row in beside:
             _pair(path, model, segments, beside[row], function)
-            continue
-        low, high = segments.sides[row]
-        if low == high:
-            model.equal.append(ModelRow(function, low))
         else:
-            model.above += [ModelRow(function, low)] if low > -math.inf else []
-            model.above += [ModelRow(function, high, below=True)] if high < math.inf else []
+            model.constrain(function, *segments.sides[row])
     if segments.objective is not None:
         model.sense, value = segments.objective
         model.objective = _function(segments, value, segments.gradient, quadratic)

@@ -13,17 +13,15 @@ from cpbench.formulations.expressions.map import Builder
 from cpbench.formulations.expressions.operators import Operator
 from cpbench_problems.formats.mof_operators import combine
 
-UNARY: Mapping[int, Operator] = {
-    13: Operator.FLOOR, 14: Operator.CEIL, 15: Operator.ABS, 16: Operator.NEG, 34: Operator.NOT, 37: Operator.TANH,
-    38: Operator.TAN, 39: Operator.SQRT, 40: Operator.SINH, 41: Operator.SIN, 43: Operator.LOG, 44: Operator.EXP,
-    45: Operator.COSH, 46: Operator.COS, 47: Operator.ATANH, 49: Operator.ATAN, 50: Operator.ASINH, 51: Operator.ASIN,
-    52: Operator.ACOSH, 53: Operator.ACOS,
+SAME: Mapping[int, Operator] = {
+    0: Operator.ADD, 1: Operator.SUB, 2: Operator.MUL, 3: Operator.DIV, 5: Operator.POW, 13: Operator.FLOOR,
+    14: Operator.CEIL, 15: Operator.ABS, 16: Operator.NEG, 20: Operator.OR, 21: Operator.AND, 22: Operator.LT,
+    23: Operator.LE, 24: Operator.EQ, 34: Operator.NOT, 37: Operator.TANH, 38: Operator.TAN, 39: Operator.SQRT,
+    40: Operator.SINH, 41: Operator.SIN, 43: Operator.LOG, 44: Operator.EXP, 45: Operator.COSH, 46: Operator.COS,
+    47: Operator.ATANH, 48: Operator.ATAN2, 49: Operator.ATAN, 50: Operator.ASINH, 51: Operator.ASIN,
+    52: Operator.ACOSH, 53: Operator.ACOS, 76: Operator.POW, 78: Operator.POW,
 }  # fmt: skip
-BINARY: Mapping[int, Operator] = {
-    0: Operator.ADD, 1: Operator.SUB, 2: Operator.MUL, 3: Operator.DIV, 5: Operator.POW, 20: Operator.OR,
-    21: Operator.AND, 22: Operator.LT, 23: Operator.LE, 24: Operator.EQ, 48: Operator.ATAN2, 76: Operator.POW,
-    78: Operator.POW,
-}  # fmt: skip
+"""Operators that are those of a map."""
 MANY: Mapping[int, Operator] = {11: Operator.MIN, 12: Operator.MAX, 54: Operator.ADD}
 """With a number of arguments that stands behind the operator."""
 _FORMULAS: Mapping[int, tuple[str, int]] = {
@@ -33,8 +31,7 @@ _FORMULAS: Mapping[int, tuple[str, int]] = {
 LESS, OR, AND, NOT_EQUAL, NOT, IF, SUM = 6, 20, 21, 30, 34, 35, 54
 CONDITIONS = frozenset({Operator.NOT, Operator.AND, Operator.OR, Operator.LT, Operator.LE, Operator.EQ})
 WRITTEN: Mapping[Operator, int] = {
-    **{operator: code for code, operator in UNARY.items()},
-    **{operator: code for code, operator in BINARY.items() if code < 76},
+    **{operator: code for code, operator in SAME.items() if code < 76},
     Operator.MIN: 11,
     Operator.MAX: 12,
 }
@@ -52,19 +49,17 @@ def arity(code: int) -> int | None:
     """Return how many arguments an operator has, 0 where a number behind it says so, None where it is not read."""
     if code in MANY:
         return 0
-    if code in UNARY:
-        return 1
-    if code in BINARY or code in (LESS, NOT_EQUAL):
+    if code in SAME:
+        return 2 if SAME[code].binary else 1
+    if code in (LESS, NOT_EQUAL):
         return 2
     return _FORMULAS[code][1] if code in _FORMULAS else None
 
 
 def applied(build: Builder, code: int, arguments: list[int], condition: bool) -> int:
     """Return the value of an operation with the right number of arguments; `condition`: it is used as one."""
-    if code in UNARY:
-        return build.apply(UNARY[code], arguments[0])
-    if code in BINARY:
-        return build.apply(BINARY[code], *arguments)
+    if code in SAME:
+        return build.apply(SAME[code], *arguments)
     if code in MANY:
         total = arguments[0]
         for argument in arguments[1:]:

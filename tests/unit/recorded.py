@@ -19,6 +19,7 @@ def write_sequence(path: Path) -> Path:
     recorder = Recorder("trough", simulation.scene.dt)
     for problem in made:
         assert problem is not None
+        assert problem.sequence is not None
         recorder.add(replace(graph.arrive(problem, "fc").problem, provenance=()), time=problem.sequence.time)
     steps = {f"step-{k:03d}": step for k, step in enumerate(recorder.steps)}
     storage.save_pack({name: replace(step, name=name) for name, step in steps.items()}, path)
