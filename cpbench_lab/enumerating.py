@@ -176,20 +176,16 @@ def _every_equilibrium(problem: Any, m: int, n: int) -> EverySolution:
     # two that are the same to rounding are one in payoffs that are not rounded
     different = {tuple(tuple(round(float(value), DIGITS) for value in part) for part in pair): pair for pair in pairs}
     points: list[Any] = []
-    for pair in different.values():
-        x, y = (np.array([float(value) for value in part]) for part in pair)
+    shown = sorted(different, reverse=True)
+    for pair in shown:
+        x, y = (np.array([float(value) for value in part]) for part in different[pair])
         points.append(problem.point_type(z=np.concatenate([x / (x @ B @ y), y / (x @ A @ y)])))  # with costs of 1
-    ends = (
-        [np.unique([pair[k] for pair in different], axis=0, return_inverse=True)[1] for k in (0, 1)] if points else []
-    )
-    joined = sp.csr_array((np.ones(len(points)), ends), shape=(len(points),) * 2) if points else sp.csr_array((0, 0))
-    label = connected_components(sp.block_array([[None, joined], [joined.T, None]]), directed=False)[1]
-    parts = (
-        [tuple(np.flatnonzero(label[ends[0]] == k).tolist()) for k in dict.fromkeys(label[ends[0]].tolist())]
-        if points
-        else []
-    )
-    return EverySolution(problem, tuple(points), "direct", len(parts) < len(points), tuple(parts))
+    count = len(points)  # at least 1 (Nash 1951)
+    one, other = (np.unique([pair[k] for pair in shown], axis=0, return_inverse=True)[1] for k in (0, 1))
+    pairs_of = sp.coo_array((np.ones(count), (one, other + count)), shape=(2 * count, 2 * count))
+    label = connected_components(pairs_of, directed=False)[1][one]
+    parts = tuple(tuple(np.flatnonzero(label == k).tolist()) for k in dict.fromkeys(label.tolist()))
+    return EverySolution(problem, tuple(points), "direct", len(parts) < count, parts)
 
 
 def _converted(problem: Problem) -> tuple[Problem, int, str]:

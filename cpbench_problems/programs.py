@@ -83,8 +83,8 @@ def from_game(A: Any, B: Any, *, name: str = "") -> Modelled:
     >>> for point in cpbench.every_solution(game.problem).points:
     ...     print(*(part.tolist() for part in game.lift(point)))
     [1.0, 0.0] [1.0, 0.0]
-    [0.0, 1.0] [0.0, 1.0]
     [0.75, 0.25] [0.25, 0.75]
+    [0.0, 1.0] [0.0, 1.0]
     """
     problem = game_problem(A, B, name)
     return Modelled(problem, lambda point: strategies(problem, point))

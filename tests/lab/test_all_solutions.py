@@ -181,4 +181,4 @@ def test_a_degenerate_game_has_its_connected_sets(tmp_path: Path) -> None:
     np.savez(tmp_path / "game.npz", A=[[1.0, 0.0], [1.0, 2.0]], B=[[1.0, 0.0], [0.0, 1.0]])
     done = command(tmp_path, "solve", "game.npz", "--format", "game", "--all")
     assert done.stdout.splitlines()[0] == "game (lcp): a continuum of solutions, of which 3 corners are listed"
-    assert done.stdout.splitlines()[-1] == "  one connected set of equilibria has the corners 2, 3"
+    assert done.stdout.splitlines()[-1] == "  one connected set of equilibria has the corners 1, 2"
