@@ -82,8 +82,9 @@ class RemoteWorker:
         self._pipe: Any = None
         self._machine: tuple[str, dict[str, Any]] | None = None
 
-    def ask(self, worker: str, request: bytes) -> TaskResult:
-        """Return all that the process answers."""
+    def ask(self, worker: str, request: bytes, *, again: bool = True) -> TaskResult:
+        """Return all that the process answers; `again` : whether one that was idle as the request came is started
+        anew."""
         outcomes: list[bytes] = []
         try:
             self._start()
@@ -93,7 +94,10 @@ class RemoteWorker:
             return TaskResult(worker, self._machine, tuple(outcomes))
         except (EOFError, OSError) as cause:
             process, self._process = self._process, None
-            died = f"could not be started ({cause})" if process is None else f"it ended with code {_exit_code(process)}"
+            code = None if process is None else _exit_code(process)
+            if code == 0 and again and not outcomes:
+                return self.ask(worker, request, again=False)
+            died = f"could not be started ({cause})" if process is None else f"it ended with code {code}"
             return TaskResult(worker, self._machine, tuple(outcomes), died)
 
     def end(self) -> None:
