@@ -279,7 +279,7 @@ def _by_touched(left: Sparse, factor: Factorization, right: Sparse) -> Matrix | 
     is_touched[left.indices] = True
     is_touched[np.flatnonzero(np.diff(right.indptr))] = True
     touched, rest = np.flatnonzero(is_touched), np.flatnonzero(~is_touched)
-    if RATIO * touched.size > factor.n:
+    if RATIO * touched.size > factor.n or not rest.size:
         return None
     A = matrices.sparse(factor.A)
     inner = matrices.sparse(A[rest][:, rest])

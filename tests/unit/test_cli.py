@@ -431,5 +431,5 @@ def test_a_file_that_changed_between_two_runs_is_reported(monkeypatch, capsys, t
     said = "p.h5: its 2 rows are of 2 problems: the file changed"
     assert said in capsys.readouterr().out
     if report:
-        assert said in "".join((tmp_path / "reports" / "r" / "report.md").read_text().splitlines()[:8])
+        assert said in "".join((tmp_path / "reports" / "r" / "report.md").read_text().splitlines()[:16])
         assert said in (tmp_path / "reports" / "r" / "report.html").read_text()
