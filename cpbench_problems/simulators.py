@@ -227,7 +227,7 @@ def _of_joints(model: Any, data: Any, d: int) -> list[tuple[int, _Row]]:
         mujoco.mju_sparse2dense(J, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
     elif count:
         J = np.asarray(data.efc_J).reshape(count, model.nv)
-    found: list[tuple[int, _Row]] = []
+    rows: list[tuple[int, _Row]] = []
     for row, kind in enumerate(types):
         if kind >= int(kinds.mjCNSTR_CONTACT_FRICTIONLESS):
             continue
@@ -240,8 +240,8 @@ def _of_joints(model: Any, data: Any, d: int) -> list[tuple[int, _Row]]:
         idle = tuple(k for k in range(d) if k != (0 if limit else 1))
         dt, loss = model.opt.timestep, float(data.efc_frictionloss[row])
         more = max(float(data.efc_pos[row]), 0.0) / dt if limit else -loss * dt
-        found.append((row, _Row(block, idle, more, (0.0, 0.0) if limit else (1.0, 1.0), 0.0, about)))
-    return found
+        rows.append((row, _Row(block, idle, more, (0.0, 0.0) if limit else (1.0, 1.0), 0.0, about)))
+    return rows
 
 
 def _delassus(J: Dense, solved: Dense, free: Vector, rows: Sequence[_Row]) -> tuple[Dense, Vector]:

@@ -1,4 +1,4 @@
-"""What an answer with contacts leaves open: forces that other forces may replace, and motions beside that at rest."""
+"""Freedom that an answer with contacts leaves: forces that others may replace, and motions beside that at rest."""
 
 from __future__ import annotations
 

@@ -48,16 +48,16 @@ def distance(balance: Balance) -> Distance:
     load = sp.block_array([[None, sp.csc_array([[-1.0]])], [-units.A, sp.csc_array((m, 1))]], format="csc")
     rows = sp.vstack([load, sp.hstack([blocks, sp.csc_array((blocks.shape[0], 1))])], format="csc")
     right = np.concatenate([[0.0], units.f, np.zeros(blocks.shape[0])])
-    found = Distance(-np.inf, np.inf, np.zeros(n))
+    best = Distance(-np.inf, np.inf, np.zeros(n))
     for accuracy in ACCURACIES:
         answer = solved(np.append(np.zeros(n), 1.0), rows, right, [("cone", m + 1), *sizes], accuracy)
         x, z = answer or (np.zeros(n), np.zeros(m + 1))
         below, above, r = _bounds(units, x[:n], z[1 : m + 1])
-        r = found.r if found.above < above else r * column
-        found = Distance(max(below, found.below), min(above, found.above), r)
-        if found.holds is not None:
+        r = best.r if best.above < above else r * column
+        best = Distance(max(below, best.below), min(above, best.above), r)
+        if best.holds is not None:
             break
-    return found
+    return best
 
 
 def _bounds(units: Balance, x: Vector, v: Vector) -> tuple[float, float, Vector]:
@@ -92,8 +92,8 @@ def nearest_factor(balance: Balance, load: Vector) -> tuple[float, Distance]:
     column = np.zeros((m, balance.d))
     column[:, 0] = load  # a contact without friction, whose normal force is the factor
     A = sp.hstack([before[:, : balance.rows], sp.csr_array(column), before[:, balance.rows :]], format="csr")
-    found = distance(replace(balance, A=A, mu=np.append(balance.mu, 0.0)))
-    return max(float(found.r[balance.rows]), 0.0), found
+    nearest = distance(replace(balance, A=A, mu=np.append(balance.mu, 0.0)))
+    return max(float(nearest.r[balance.rows]), 0.0), nearest
 
 
 def _inside(balance: Balance, x: Vector) -> Vector:

@@ -65,8 +65,8 @@ def with_most_margin(balance: Balance) -> tuple[Vector, float, Vector] | None:
     )
     h = np.concatenate([-balance.f, np.zeros(cones.shape[0] + balance.mu.size), [1.0]])
     kinds = [("zero", m), *kinds, ("above", balance.mu.size + 1)]
-    found = solved(np.append(np.zeros(n), -1.0), G, h, kinds, ACCURACY)
-    return None if found is None else (found[0][:n], float(found[0][n]), found[1][:m])
+    solution = solved(np.append(np.zeros(n), -1.0), G, h, kinds, ACCURACY)
+    return None if solution is None else (solution[0][:n], float(solution[0][n]), solution[1][:m])
 
 
 def inward_motion(balance: Balance) -> Vector | None:
@@ -80,8 +80,8 @@ def inward_motion(balance: Balance) -> Vector | None:
     G = sp.block_array([[u, margin], [joints, None], [box, None], [None, np.ones((1, 1))]], format="csc")
     h = np.concatenate([np.zeros(balance.rows + joints.shape[0]), np.ones(2 * n + 1)])
     kinds = [*[("cone", d)] * nc, ("zero", joints.shape[0]), ("above", 2 * n + 1)]
-    found = solved(np.append(np.zeros(n), -1.0), G, h, kinds, ACCURACY)
-    return found[0][:n] if found is not None and found[0][n] > CLOSE else None
+    solution = solved(np.append(np.zeros(n), -1.0), G, h, kinds, ACCURACY)
+    return solution[0][:n] if solution is not None and solution[0][n] > CLOSE else None
 
 
 def contact_cones(mu: Vector, d: int, columns: int) -> tuple[Any, list[tuple[str, int]]]:
@@ -116,5 +116,5 @@ def solved(
     settings.max_threads = 1
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = accuracy
     none = sp.csc_array((cost.size, cost.size))
-    found = clarabel.DefaultSolver(none, cost, G, h, [kinds[kind](size) for kind, size in cones], settings).solve()
-    return None if "Infeasible" in str(found.status) else (np.asarray(found.x), np.asarray(found.z))
+    solution = clarabel.DefaultSolver(none, cost, G, h, [kinds[kind](size) for kind, size in cones], settings).solve()
+    return None if "Infeasible" in str(solution.status) else (np.asarray(solution.x), np.asarray(solution.z))

@@ -109,8 +109,8 @@ def _rows(model: Model, F: Map) -> list[Function]:
     functions, plain = model.functions, PlainRows(model.functions.build)
     result: list[Function] = []
     for value in functions.take(F):
-        found = plain.function(value)
-        result.append(found if found is not None and functions.value(found) == value else Nonlinear(value))
+        simple = plain.function(value)
+        result.append(simple if simple is not None and functions.value(simple) == value else Nonlinear(value))
     return result
 
 

@@ -24,6 +24,7 @@ from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Vector
 from cpbench.storage.base import OFFSET
 from cpbench_problems.applications import least_squares_problem
+from cpbench_problems.formats import two_sided
 from cpbench_problems.formats.file_rows import FileRows
 from cpbench_problems.formats.named_arrays import NamedArrays, symmetrized
 from cpbench_problems.formats.program_forms import Program, Rows
@@ -79,9 +80,9 @@ def _hessian(arrays: NamedArrays, form: str, name: str, n: int) -> Any:
         return np.zeros((n, n))
     P, triangle = arrays.matrix(name), TRIANGLE.get(form)
     if triangle is not None and P.shape == (n, n):
-        whole = symmetrized(P, triangle)
-        if not (sp.csr_array(P) - (sp.triu if triangle == "upper" else sp.tril)(sp.csr_array(P))).count_nonzero():
-            return whole
+        other = sp.tril(P, -1) if triangle == "upper" else sp.triu(P, 1)
+        if not other.count_nonzero():
+            return symmetrized(P, triangle)
     return arrays.symmetric(name)
 
 
@@ -146,10 +147,10 @@ def _clarabel(arrays: NamedArrays) -> list[tuple[str, int]]:
     """Return kinds and sizes of cones that are printed as Clarabel prints them."""
     result: list[tuple[str, int]] = []
     for word in map(str, np.ravel(arrays.values["cones"])):
-        if (found := _CLARABEL.fullmatch(word)) is None:
+        if (match := _CLARABEL.fullmatch(word)) is None:
             cause = f"has {text.printable(word[:40])}, expected kinds with sizes, as ZeroConeT(2), NonnegativeConeT(3)"
             raise arrays.error("cones", f"{cause} or SecondOrderConeT(3)")
-        result.append((found[1], int(found[2])))
+        result.append((match[1], int(match[2])))
     return result
 
 
@@ -198,16 +199,9 @@ def _quadratic(
     for row, side, bound in ((lower_row, sides[0], lb), (upper_row, sides[1], ub)):
         makes = np.isfinite(side) & (side == bound[unknown])
         row[unknown[makes]] = single[makes]
-    rest = np.ones(lower.size, dtype=bool)
-    rest[single] = False
-    equal = np.flatnonzero(rest & (lower == upper))
-    below, above = (np.flatnonzero(rest & np.isfinite(side) & (lower != upper)) for side in (lower, upper))
-    parts = {
-        "A": sp.csr_array(sp.vstack([A[below], -A[above]], format="csr")),
-        "b": np.concatenate([lower[below], -upper[above]]),
-        "C": A[equal],
-        "d": lower[equal],
-    }
+    rest = np.setdiff1d(np.arange(lower.size), single)
+    below, above, equal = (rest[at] for at in two_sided.sides(lower[rest], upper[rest]))
+    parts = two_sided.rows(A[rest], lower[rest], upper[rest])
     sizes = {block.name: block.lower.size for block in blocks} | ({"x": n} if meaning.has_bounds else {})
     rows = FileRows(meaning, sizes, below, above, equal, single, unknown, factor, lower_row, upper_row)
     return uncrossed(parts | {"lb": lb, "ub": ub}), None if (lb > ub).any() else rows

@@ -114,15 +114,15 @@ def program(objective: str, conditions: str, answer: str = "x") -> Program:
 
 
 def _rows(condition: str) -> Rows:
-    if found := _CONE.fullmatch(condition):
-        return Rows(found[2], "", found[1], cone=True)
-    if found := _ONE_SIDED.fullmatch(condition):
-        matrix, transposed, relation, side = found.groups()
+    if match := _CONE.fullmatch(condition):
+        return Rows(match[2], "", match[1], cone=True)
+    if match := _ONE_SIDED.fullmatch(condition):
+        matrix, transposed, relation, side = match.groups()
         return Rows(matrix, side * (relation != "≤"), side * (relation != "≥"), bool(transposed))
-    found = _TWO_SIDED.fullmatch(condition)
-    if found is None:
+    match = _TWO_SIDED.fullmatch(condition)
+    if match is None:
         raise ValueError(f"{condition}: is no condition")
-    lower, matrix, transposed, at, upper = found.groups()
+    lower, matrix, transposed, at, upper = match.groups()
     return Rows(matrix or "", lower, upper, bool(transposed), at=at or "")
 
 

@@ -22,6 +22,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.foundation.text import printable
 from cpbench.storage.base import OFFSET, SENSE, Format, build, formats, no_member, read_text
 from cpbench_problems.formats import two_sided
+from cpbench_problems.formats.named_arrays import symmetrized
 
 _LARGEST = 10**7
 
@@ -58,10 +59,9 @@ class QPLib(Format):
         two_sided.require_sides(path, lb, ub, "the bounds")
         sign = -1.0 if sense.lower().startswith("max") else 1.0
         properties = ({OFFSET: sign * offset} if offset else {}) | ({SENSE: "max"} if sign < 0 else {})
-        whole = H + H.T - sp.diags_array(H.diagonal())
         parts = two_sided.uncrossed({"lb": lb, "ub": ub, **two_sided.rows(A, rows[0], rows[1])})
         info = Info(properties=properties)
-        return build(path, QP, "", name=name, info=info, Q=sp.csr_array(sign * whole), p=sign * p, **parts)
+        return build(path, QP, "", name=name, info=info, Q=sign * symmetrized(H, "upper"), p=sign * p, **parts)
 
 
 class _Lines:
@@ -74,10 +74,10 @@ class _Lines:
     def words(self, what: str, least: int) -> list[str]:
         """Return the words of the next line; raises FormatError where there are too few."""
         for number, line in self._lines:
-            if (found := line.split()) and found[0][0] not in "!%#":
-                if len(found) < least:
-                    raise FormatError(self._path, f"line {number}", f"has {len(found)} words, expected {what}")
-                return found
+            if (words := line.split()) and words[0][0] not in "!%#":
+                if len(words) < least:
+                    raise FormatError(self._path, f"line {number}", f"has {len(words)} words, expected {what}")
+                return words
         raise FormatError(self._path, "", f"ends before {what}")
 
     def number(self, what: str) -> float:

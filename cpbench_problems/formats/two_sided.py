@@ -44,12 +44,16 @@ def uncrossed(parts: dict[str, Any]) -> dict[str, Any]:
     return {**parts, "A": A, "b": b, "ub": ub}
 
 
+def sides(lower: Vector, upper: Vector) -> tuple[Any, Any, Any]:
+    """Return the numbers of the rows with a lower side, with an upper one, and of equations."""
+    equal = lower == upper
+    return tuple(np.flatnonzero(some) for some in (np.isfinite(lower) & ~equal, np.isfinite(upper) & ~equal, equal))
+
+
 def rows(A: sp.csr_array, lower: Vector, upper: Vector) -> dict[str, Any]:
     """Return A, b, C, d of the rows lower ≤ Az ≤ upper: equal sides give Cz = d, others Az ≥ b, one for each finite
     side."""
-    equal = np.flatnonzero(lower == upper)
-    other = np.flatnonzero(lower != upper)
-    below, above = other[np.isfinite(lower[other])], other[np.isfinite(upper[other])]
+    below, above, equal = sides(lower, upper)
     return {
         "A": sp.csr_array(sp.vstack([A[below], -A[above]], format="csr")),
         "b": np.concatenate([lower[below], -upper[above]]),
