@@ -73,8 +73,11 @@ def status_text(status: str, error: float | None, tolerance: float, objective: f
     return "; ".join(filter(None, (words, ", ".join(numbers))))
 
 
-def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: bool = False) -> Iterator[str]:
-    """Yield the numbers of an answer: of contacts what they do and the load of each body, else the unknowns by name.
+def answer_lines(
+    problem: Problem, point: Point, tolerance: float, *, every: bool = False, solved: bool = False
+) -> Iterator[str]:
+    """Yield the numbers of an answer: of contacts what they do and the load of each body, and of one that is `solved`
+    what it leaves open; else the unknowns by name.
 
     `every` : whether all of them are written, however many there are.
     """
@@ -91,6 +94,8 @@ def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: boo
     for first in range(0, velocities.size if most is None else min(velocities.size, 6 * MOST), 6):
         some = velocities[first : first + 6]
         yield f"  v[{first}:{first + some.size}] = {', '.join(f'{value:.6g}' for value in some.tolist())}"
+    if solved:
+        yield from freedom_lines(problem, point, tolerance)
 
 
 def own_parts(problem: Problem, point: Point) -> Mapping[str, Vector]:
@@ -221,9 +226,7 @@ class Answered:
         if row.flags and row.error is not None and math.isfinite(row.error) and not verbose:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:
-            yield from answer_lines(self.problem, self.point, self.tolerance, every=verbose)
-            if self and isinstance(self.problem, ContactProblem):
-                yield from freedom_lines(self.problem, self.point, self.tolerance)
+            yield from answer_lines(self.problem, self.point, self.tolerance, every=verbose, solved=bool(self))
         if verbose:
             yield from self._details()
 

@@ -10,7 +10,6 @@ from typing import Any
 import click
 
 from cpbench import storage, verification
-from cpbench.analysis.contact_freedom import freedom_lines
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
@@ -94,8 +93,7 @@ def command(
     print_lines(lines)
     print_lines(remark_lines(verdict))
     if isinstance(loaded, ContactProblem):
-        print_lines(answer_lines(loaded, point, tolerance))
-        print_lines(freedom_lines(loaded, point, tolerance) if verdict.solved else ())
+        print_lines(answer_lines(loaded, point, tolerance, solved=verdict.solved))
     if not verdict.solved:
         sys.exit(1)
 
