@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cpbench.errors import FormatError
 from cpbench.foundation.matrices import Vector
@@ -44,10 +45,11 @@ def uncrossed(parts: dict[str, Any]) -> dict[str, Any]:
     return {**parts, "A": A, "b": b, "ub": ub}
 
 
-def sides(lower: Vector, upper: Vector) -> tuple[Any, Any, Any]:
+def sides(lower: Vector, upper: Vector) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
     """Return the numbers of the rows with a lower side, with an upper one, and of equations."""
     equal = lower == upper
-    return tuple(np.flatnonzero(some) for some in (np.isfinite(lower) & ~equal, np.isfinite(upper) & ~equal, equal))
+    below, above = np.isfinite(lower) & ~equal, np.isfinite(upper) & ~equal
+    return np.flatnonzero(below), np.flatnonzero(above), np.flatnonzero(equal)
 
 
 def rows(A: sp.csr_array, lower: Vector, upper: Vector) -> dict[str, Any]:
