@@ -91,8 +91,8 @@ def main() -> None:
     warnings.simplefilter("ignore")
     counts: dict[tuple[str, str, float], list[int]] = defaultdict(lambda: [0, 0, 0])
     named: dict[tuple[str, str, float, str], list[tuple[str, str, float, float]]] = defaultdict(list)
-    for name, problem, found in collected(given.cache, given.folders, given.seconds, given.budget):
-        for (label, point), tolerance in itertools.product(found, JUDGED):
+    for name, problem, answers in collected(given.cache, given.folders, given.seconds, given.budget):
+        for (label, point), tolerance in itertools.product(answers, JUDGED):
             verdict, rows = judge(problem, point, tolerance), all_measures(problem, point, tolerance)
             whose: dict[str, float] = {}
             for row in rows:

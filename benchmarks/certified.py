@@ -60,11 +60,11 @@ def main() -> None:
         certificate, seconds, solver, count = None, 0.0, "", 0
         for solution in verified_answers(problem, asked.seconds):
             began = time.process_time()
-            found = cpbench.certify(problem, solution, seconds=asked.proof)
+            outcome = cpbench.certify(problem, solution, seconds=asked.proof)
             spent, count = time.process_time() - began, count + 1
-            if certificate is None or found:
-                certificate, seconds, solver = found, spent, solution.solver
-            if found:
+            if certificate is None or outcome:
+                certificate, seconds, solver = outcome, spent, solution.solver
+            if outcome:
                 break
         if certificate is None:
             kind = next((k for k in ("infeasible", "unbounded") if prove(problem, k).proof is not None), "")

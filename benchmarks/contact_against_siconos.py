@@ -351,8 +351,8 @@ def rows_of(
             continue
         for tolerance in tolerances:
             mine, setup = ours_on(native, problem, tolerance)
-            found = [theirs_on(siconos, label, solver, problem, tolerance, measure) for solver in pool]
-            best = min(found, key=lambda side: (not side.solved, side.seconds if side.solved else side.error))
+            results = [theirs_on(siconos, label, solver, problem, tolerance, measure) for solver in pool]
+            best = min(results, key=lambda side: (not side.solved, side.seconds if side.solved else side.error))
             row = Row(what, name, problem.nc, tolerance, best, mine, setup=setup)
             row.race()
             yield row

@@ -56,10 +56,10 @@ def pairs(tier: str, results: Results) -> Iterator[tuple[object, ...]]:
 
 def ranking(tier: str, results: Results) -> Iterator[tuple[object, ...]]:
     """Yield the solvers of each formulation in the order in which a report ranks them; medians in seconds."""
-    for found in results.rankings:
-        for place, row in enumerate(found.rows, 1):
+    for answer in results.rankings:
+        for place, row in enumerate(answer.rows, 1):
             median = "" if pd.isna(row.median) else f"{row.median:.3g}"
-            yield tier, found.group.node, place, row.solver, row.started, row.solved, median
+            yield tier, answer.group.node, place, row.solver, row.started, row.solved, median
 
 
 def run_facts(tier: str, results: Results) -> tuple[object, ...]:

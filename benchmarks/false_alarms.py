@@ -95,10 +95,10 @@ class Tally:
     logs: list[float] = field(default_factory=list)
     deltas: list[float] = field(default_factory=list)
 
-    def add(self, found: Comparison) -> None:
-        self.verdicts[found.verdict] += 1
-        self.logs.append(math.log(found.suites[0].ratio) if found.suites[0].timed else math.nan)
-        self.deltas.append(found.noise.delta)
+    def add(self, comparison: Comparison) -> None:
+        self.verdicts[comparison.verdict] += 1
+        self.logs.append(math.log(comparison.suites[0].ratio) if comparison.suites[0].timed else math.nan)
+        self.deltas.append(comparison.noise.delta)
 
 
 def compared(jobs: list[ComparisonSide], tallies: dict[str, Tally]) -> None:

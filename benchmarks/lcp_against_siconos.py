@@ -247,22 +247,22 @@ def registered(name: str, problems: list, iterations: int) -> tuple[Callable[[in
     options = solver.spec.options()
     budget = Budget(tolerance=TOLERANCE, iterations=iterations or None)
     prepared = [solver.setup(p, budget, options) for p in problems]
-    found: list = []
+    results: list = []
 
     def solve_all() -> None:
-        found[:] = [solver.solve(p, budget, options).point for p in prepared]
+        results[:] = [solver.solve(p, budget, options).point for p in prepared]
 
-    return lambda repeats: loop(solve_all, len(problems), repeats), found
+    return lambda repeats: loop(solve_all, len(problems), repeats), results
 
 
 def native(name: str, problems: list) -> Side:
     """One of OURS."""
     import numpy as np
 
-    measure, found = registered(name, problems, OURS[name])
+    measure, results = registered(name, problems, OURS[name])
 
     def answers() -> Any:
-        return [np.full(p.q.size, math.nan) if z is None else z.z for z, p in zip(found, problems, strict=True)]
+        return [np.full(p.q.size, math.nan) if z is None else z.z for z, p in zip(results, problems, strict=True)]
 
     return Side(name, measure, answers)
 
@@ -341,10 +341,10 @@ def main(python: str, families: list[str], sizes: list[int], races: list[str], p
         print(row)
     for what in dict.fromkeys(row.what for row in rows):
         for n in sizes:
-            found = [row.ratio for row in rows if row.what == what and row.n == n and not math.isnan(row.ratio)]
-            if found:
-                mean = statistics.geometric_mean(found)
-                print(f"{what} n={n}: geometric mean {mean:.2f}, least {min(found):.2f}, most {max(found):.2f}")
+            ratios = [row.ratio for row in rows if row.what == what and row.n == n and not math.isnan(row.ratio)]
+            if ratios:
+                mean = statistics.geometric_mean(ratios)
+                print(f"{what} n={n}: geometric mean {mean:.2f}, least {min(ratios):.2f}, most {max(ratios):.2f}")
 
 
 if __name__ == "__main__":

@@ -167,31 +167,31 @@ def told(calls: Mapping[str, Callable[[], Any]], only: str) -> dict[str, dict[st
     return {name: measured(call) for name, call in calls.items() if only in name}
 
 
-def report(found: Mapping[str, Mapping[str, Any]], asked: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def report(costs: Mapping[str, Mapping[str, Any]], commands: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Print the table of the statistics `found` and what commands `asked`; what is over."""
     over: list[str] = []
     print(f"{'':32}{'seconds':>9}{'wall':>9}{'more, MB':>10}{'peak, GB':>10}")
-    for name, told in {**found, **asked}.items():
-        if "error" in told:
-            print(f"{name:32}{told['error']}")
+    for name, cost in {**costs, **commands}.items():
+        if "error" in cost:
+            print(f"{name:32}{cost['error']}")
             over.append(f"{name} failed")
             continue
         print(
-            f"{name:32}{told['seconds']:9.2f}{told['wall']:9.2f}{told['more'] / 1e6:10.0f}{told['peak'] / 1e9:10.2f}",
+            f"{name:32}{cost['seconds']:9.2f}{cost['wall']:9.2f}{cost['more'] / 1e6:10.0f}{cost['peak'] / 1e9:10.2f}",
         )
-        if told["peak"] > MEMORY * 1e9:
-            over.append(f"{name}: {told['peak'] / 1e9:.2f} GB")
-        if name in asked and told["seconds"] > COMMAND:
-            over.append(f"{name}: {told['seconds']:.2f} s")
-    for title, part in {"statistics": found, "with the commands": {**found, **asked}}.items():
-        spent, wall = (sum(told.get(column, 0.0) for told in part.values()) for column in ("seconds", "wall"))
+        if cost["peak"] > MEMORY * 1e9:
+            over.append(f"{name}: {cost['peak'] / 1e9:.2f} GB")
+        if name in commands and cost["seconds"] > COMMAND:
+            over.append(f"{name}: {cost['seconds']:.2f} s")
+    for title, part in {"statistics": costs, "with the commands": {**costs, **commands}}.items():
+        spent, wall = (sum(cost.get(column, 0.0) for cost in part.values()) for column in ("seconds", "wall"))
         print(f"{title:32}{spent:9.2f}{wall:9.2f}")
-    profile = sum(found[n].get("seconds", 0.0) for n in ("matrix of times", "performance profile") if n in found)
+    profile = sum(costs[n].get("seconds", 0.0) for n in ("matrix of times", "performance profile") if n in costs)
     if profile:
         print(f"{'profile, with its matrix':32}{profile:9.2f}")
     if profile > PROFILE:
         over.append(f"profile: {profile:.2f} s")
-    whole = sum(told.get("seconds", 0.0) for told in found.values())
+    whole = sum(cost.get("seconds", 0.0) for cost in costs.values())
     if whole > ALL:
         over.append(f"statistics: {whole:.2f} s")
     return over
@@ -207,12 +207,12 @@ def main() -> None:
     if given.problems is None and given.labels is None:
         shapes = [["--problems", str(problems), "--labels", str(labels)] for problems, labels in SHAPES]
         sys.exit(max([subprocess.run([sys.executable, *sys.argv, *shape]).returncode for shape in shapes]))
-    data, found = prepared(given.problems or SHAPES[0][0], given.labels or SHAPES[0][1], given.seed)
+    data, costs = prepared(given.problems or SHAPES[0][0], given.labels or SHAPES[0][1], given.seed)
     size = data.rows.memory_usage(deep=False).sum() + data.started.memory_usage(deep=False).sum()
     problems, labels = data.times.shape
     print(f"\n{problems} problems x {labels} labels, {len(data.rows)} rows, columns of {size / 1e9:.2f} GB")
-    found |= told(statistics(data), given.only)
-    over = report(found, told(commands(data), given.only))
+    costs |= told(statistics(data), given.only)
+    over = report(costs, told(commands(data), given.only))
     print("PASS" if not over else f"over: {'; '.join(over)}", flush=True)
     sys.exit(bool(over))
 

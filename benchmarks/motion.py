@@ -109,8 +109,8 @@ def _title(table: list[dict[str, str]]) -> str:
     if not others:
         return line
     far = max(others, key=lambda row: float(row["motion"]))
-    found = f"{float(far['motion']):.2g} wrong ({far['scene']}) with an error of {float(far['residual']):.1g} in a step"
-    return f"{line}; the worst of those that miss it, {far['solver']}, is {found}"
+    wrong = f"{float(far['motion']):.2g} wrong ({far['scene']}) with an error of {float(far['residual']):.1g} in a step"
+    return f"{line}; the worst of those that miss it, {far['solver']}, is {wrong}"
 
 
 def main() -> None:

@@ -82,7 +82,7 @@ def measured(files: list[Path], options: argparse.Namespace, out: Path, say: Cal
     by_node: dict[str, list[Path]] = {}
     for path in files:
         by_node.setdefault(cpbench.load(path).node, []).append(path)
-    found: list[pd.DataFrame] = []
+    tables: list[pd.DataFrame] = []
     for node, paths in by_node.items():
         listed = cpbench.list_solvers(node=node, available=True)
         names = [s.name for s in listed if takes_part(s.name, options.solvers)]
@@ -91,15 +91,15 @@ def measured(files: list[Path], options: argparse.Namespace, out: Path, say: Cal
         for limit, some in by_limit(alone, paths, options.seconds).items():
             begun = time.monotonic()
             rows = _run(some, names, limit, options, out / f"{node}-{limit:g}s.sqlite")
-            found.append(rows.assign(seconds=limit))
+            tables.append(rows.assign(seconds=limit))
             late = int((rows["status"] == "timeout").sum())
             say(
                 f"{node}: {len(some)} problems x {len(names)} solvers within {limit:g} s: {len(rows)} rows, {late} "
                 f"late, {time.monotonic() - begun:.0f} s, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
             )
-        own = pd.concat([rows for rows in found if len(rows) and rows["node"].iloc[0] == node])
+        own = pd.concat([rows for rows in tables if len(rows) and rows["node"].iloc[0] == node])
         say(report(regrets(own)))
-    return pd.concat(found)
+    return pd.concat(tables)
 
 
 def _run(paths: list[Path], names: list[str], seconds: float, options: argparse.Namespace, out: Path) -> pd.DataFrame:
@@ -111,12 +111,12 @@ def by_limit(alone: pd.DataFrame, paths: list[Path], most: float) -> dict[float,
     """Return the problems by the limit of those who race with `auto`: `most` where it does not solve them."""
     good = alone[alone["status"].isin(VERIFIED)]
     took = {str(address): time for address, time in zip(good["address"], good["setup"] + good["solve"], strict=True)}
-    found: dict[float, list[Path]] = {}
+    files: dict[float, list[Path]] = {}
     for path in paths:
         wanted = MULTIPLE * took.get(str(path), np.inf)
         limit = next((step for step in STEPS if step >= wanted and step < most), most)
-        found.setdefault(limit, []).append(path)
-    return dict(sorted(found.items()))
+        files.setdefault(limit, []).append(path)
+    return dict(sorted(files.items()))
 
 
 def regrets(rows: pd.DataFrame) -> pd.DataFrame:
@@ -174,8 +174,8 @@ def report(table: pd.DataFrame) -> str:
         ever = group["member"].notna() | group["rival"].notna() | solved
         lines.append(f"{node}: {len(group)} problems, {ever.sum()} solved by anybody, {solved.sum()} by auto")
         for _, row in group[ever & ~solved].iterrows():
-            found = [(row[k], row[f"best {k}"]) for k in ("member", "rival") if row[k] == row[k]]
-            others = " and ".join(f"{name} {took:.3g} s" for took, name in found)
+            ratios = [(row[k], row[f"best {k}"]) for k in ("member", "rival") if row[k] == row[k]]
+            others = " and ".join(f"{name} {took:.3g} s" for took, name in ratios)
             lines.append(f"  not by auto: {row['problem']} ({row['status']}, {row['spent']:.3g} s), {others}")
         both = group[solved & group["member"].notna()]
         if len(both):

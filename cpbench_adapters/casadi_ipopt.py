@@ -129,14 +129,14 @@ class IpoptComplementarity(Solver):
         result = prepared.solver(x0=first, lbx=lower, ubx=np.inf, lbg=0.0, ubg=0.0)
         stats = prepared.solver.stats()
         claim = CLAIMS.get(stats["return_status"], Claim.FAILED)
-        message, found = stats["return_status"], np.asarray(result["x"]).ravel()
-        apart = norm(np.minimum(found[free:n], found[n:]))  # its objective has the relaxed bounds: it may be negative
+        message, x = stats["return_status"], np.asarray(result["x"]).ravel()
+        apart = norm(np.minimum(x[free:n], x[n:]))  # its objective has the relaxed bounds: it may be negative
         if claim is Claim.SOLVED and apart > prepared.error:
             claim = Claim.INACCURATE if apart <= CLOSE * prepared.error else Claim.FAILED
             message += f" at ‖min(v, w)‖ = {apart:.1e}"
         return SolverOutput(
             claim=claim,
-            point=prepared.mcp.point(found[:n]),
+            point=prepared.mcp.point(x[:n]),
             counters={"iterations": max(int(stats["iter_count"]), 0)},
             message=message,
         )

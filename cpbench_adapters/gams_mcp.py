@@ -67,8 +67,8 @@ class GamsPath(Solver):
         return path_stopping(share(tolerance) if problem is None else scaled_mcp(problem).share(tolerance))
 
     def availability(self) -> Availability:
-        found = super().availability()
-        return gams_availability() if found.ok else found
+        without_gams = super().availability()
+        return gams_availability() if without_gams.ok else without_gams
 
     def obstacle(self, problem: LCP | MLCP) -> str | None:
         n = sum(problem.point_sizes.values())
@@ -100,15 +100,15 @@ class GamsPath(Solver):
             settings = path_settings(path_stopping(prepared.share(budget.tolerance)), budget)
             gams.solve(settings, budget, prepared.start(start))
             model, x = gams.model, gams.x.toDense()
-            ended, found = model.solve_status.name, model.status.name
-            if "LicenseError" in (ended, found):
-                raise Unavailable("licence", f"path: {ended}, {found}; {gams_workspace.ADVICE}")
-        claim = CLAIMS.get((ended, found)) or CLAIMS.get(ended, Claim.FAILED)
+            ended, model_status = model.solve_status.name, model.status.name
+            if "LicenseError" in (ended, model_status):
+                raise Unavailable("licence", f"path: {ended}, {model_status}; {gams_workspace.ADVICE}")
+        claim = CLAIMS.get((ended, model_status)) or CLAIMS.get(ended, Claim.FAILED)
         return SolverOutput(
             claim=claim,
             point=prepared.point(x) if np.isfinite(x).all() else None,
             counters={"iterations": int(model.num_iterations)} if _known(model.num_iterations) else {},
-            message=f"{ended}, {found}",
+            message=f"{ended}, {model_status}",
         )
 
     def warmup(self) -> None:

@@ -54,12 +54,12 @@ class PathMiCP(Solver):
     spec: ClassVar[SolverSpec] = path_spec("gams-path-micp", "micp")
 
     def stopping(self, tolerance: float, problem: MiCP | None = None) -> Stopping:
-        found = path_stopping(max(SHARE * tolerance, LEAST))
-        return dataclasses.replace(found, differs=UNSEEN, factor=math.inf)
+        criterion = path_stopping(max(SHARE * tolerance, LEAST))
+        return dataclasses.replace(criterion, differs=UNSEEN, factor=math.inf)
 
     def availability(self) -> Availability:
-        found = super().availability()
-        return gams_availability() if found.ok else found
+        without_gams = super().availability()
+        return gams_availability() if without_gams.ok else without_gams
 
     def obstacle(self, problem: MiCP) -> str | None:
         n, F = problem.start.size, problem.F
@@ -97,7 +97,7 @@ class PathMiCP(Solver):
             values = _run(folder, budget)
         if isinstance(values, str):
             return SolverOutput(claim=Claim.FAILED, message=values)
-        ended, found, iterations, z = int(values[0]), int(values[1]), values[2], values[3:]
+        ended, model_status, iterations, z = int(values[0]), int(values[1]), values[2], values[3:]
         if ended == LICENCE:
             raise Unavailable("licence", f"path has no licence; {gams_workspace.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
@@ -112,7 +112,7 @@ class PathMiCP(Solver):
             claim=claim,
             point=point,
             counters={"iterations": int(iterations)} if 0 <= iterations < 1e9 else {},
-            message=f"solver status {ended}, model status {found}, error {error:.1e}",
+            message=f"solver status {ended}, model status {model_status}, error {error:.1e}",
         )
 
     def version(self) -> str:

@@ -46,10 +46,10 @@ class ScaledMCP:
 
     def point(self, x: Any) -> LCPPoint | MLCPPoint:
         """Return the answer to the problem that was asked."""
-        found = self.unit * np.asarray(x, dtype=float).ravel()
+        z = self.unit * np.asarray(x, dtype=float).ravel()
         if isinstance(self.problem, LCP):
-            return LCPPoint(found)
-        return MLCPPoint(u=found[: self.free], v=found[self.free :])
+            return LCPPoint(z)
+        return MLCPPoint(u=z[: self.free], v=z[self.free :])
 
     def start(self, point: LCPPoint | MLCPPoint | None) -> Vector:
         """Return x of a starting point; 0 without one."""

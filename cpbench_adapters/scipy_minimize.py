@@ -95,15 +95,15 @@ class ScipyMinimize(Solver):
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of steps that gain nothing: at our tolerances, the usual end
-                found, point = self.minimize(prepared, np.array(first), limit, budget.tolerance, look)
+                result, point = self.minimize(prepared, np.array(first), limit, budget.tolerance, look)
         except _OutOfTime:
             return SolverOutput(claim=Claim.MAX_ITER, message="out of time")
         except (ValueError, np.linalg.LinAlgError) as error:  # a value or a derivative is not a number
             return SolverOutput(claim=Claim.FAILED, message=f"{type(error).__name__}: {error}")
-        done = int(found.get("nit", 0))  # none of a program whose unknowns are all fixed
-        counters = {"iterations": done, "evaluations": int(found.get("nfev", 0))}
-        ended = Claim.MAX_ITER if done >= limit else (Claim.SOLVED if found.success else Claim.FAILED)
-        return concluded(prepared, point, budget, ended, str(found.message), counters)
+        done = int(result.get("nit", 0))  # none of a program whose unknowns are all fixed
+        counters = {"iterations": done, "evaluations": int(result.get("nfev", 0))}
+        ended = Claim.MAX_ITER if done >= limit else (Claim.SOLVED if result.success else Claim.FAILED)
+        return concluded(prepared, point, budget, ended, str(result.message), counters)
 
     @abstractmethod
     def minimize(

@@ -260,8 +260,8 @@ def alike(name: str, known: Collection[str]) -> str:
     import difflib  # only for refusals
 
     for group in _EQUAL:
-        if name in group and (found := [other for other in group if other in known]):
-            return found[0]
+        if name in group and (others := [other for other in group if other in known]):
+            return others[0]
     letters = {other.casefold(): other for other in known}
     near = difflib.get_close_matches(name.casefold(), letters, n=1, cutoff=0.4)
     return letters[near[0]] if near else ""

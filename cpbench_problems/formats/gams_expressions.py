@@ -142,10 +142,10 @@ class GAMSExpressions:
             right = self._values.pop()
             if sign == "neg":
                 number = self._build.number(right)
-                found = self._constant(-number) if number is not None else self._build.apply(Operator.NEG, right)
+                node = self._constant(-number) if number is not None else self._build.apply(Operator.NEG, right)
             else:
-                found = self._applied(_SIGNS[sign][1], self._values.pop(), right)
-            self._values.append(found)
+                node = self._applied(_SIGNS[sign][1], self._values.pop(), right)
+            self._values.append(node)
 
     def _applied(self, operator: Operator, left: int, right: int) -> int:
         a, b = self._build.number(left), self._build.number(right)

@@ -71,25 +71,25 @@ def read_statements(path: Path, text: str) -> Statements:
     reader = _Reader(Tokens(path, text))
     while reader.statement():
         pass
-    return reader.found
+    return reader.statements
 
 
 class _Reader:
     def __init__(self, tokens: Tokens) -> None:
         self._tokens = tokens
-        self.found = Statements()
+        self.statements = Statements()
 
     def statement(self) -> bool:
         """Read the next statement; False at the end of the file."""
-        tokens, found = self._tokens, self.found
+        tokens, statements = self._tokens, self.statements
         if tokens.ended:
             return False
         if tokens.accept(";"):
             return True
         line, name = tokens.next.line, tokens.name("a statement")
-        if found.solve is not None:
+        if statements.solve is not None:
             tokens.refuse(
-                f"has {name} after the solve of line {found.solve.line}: cpbench reads one model a file", line
+                f"has {name} after the solve of line {statements.solve.line}: cpbench reads one model a file", line
             )
         if tokens.accept(".."):
             self._definition(name, line)
@@ -112,7 +112,7 @@ class _Reader:
         return True
 
     def _declare_variables(self, kind: str) -> None:
-        tokens, found = self._tokens, self.found
+        tokens, statements = self._tokens, self.statements
         if kind not in _VARIABLE:
             word = tokens.name("'Variables'")
             if word not in _VARIABLE:
@@ -124,19 +124,19 @@ class _Reader:
                     "the relaxation",
                     line,
                 )
-            if name in found.equations:
+            if name in statements.equations:
                 tokens.refuse(f"declares {name} as a variable, which is an equation", line)
-            if kind in _VARIABLE and name in found.variables:
+            if kind in _VARIABLE and name in statements.variables:
                 tokens.refuse(f"declares the variable {name} again", line)
-            variable = found.variables.setdefault(name, Variable(line))
+            variable = statements.variables.setdefault(name, Variable(line))
             if kind in _BOUNDS:
                 variable.lo, variable.up = _BOUNDS[kind]
 
     def _declare_equations(self) -> None:
         for name, line in self._names():
-            if name in self.found.equations or name in self.found.variables:
+            if name in self.statements.equations or name in self.statements.variables:
                 self._tokens.refuse(f"declares {name} again", line)
-            self.found.equations[name] = line
+            self.statements.equations[name] = line
 
     def _names(self) -> list[tuple[str, int]]:
         """Read names with commas between them, up to the semicolon."""
@@ -149,29 +149,29 @@ class _Reader:
             tokens.require(",", f"after {names[-1][0]}")
 
     def _definition(self, name: str, line: int) -> None:
-        tokens, found = self._tokens, self.found
-        if name not in found.equations:
+        tokens, statements = self._tokens, self.statements
+        if name not in statements.equations:
             tokens.refuse(f"defines {name}, which is not declared under Equations", line)
-        if name in found.definitions:
+        if name in statements.definitions:
             tokens.refuse(f"defines the equation {name} again", line)
         held: list[Token] = []
         while not tokens.ended and tokens.next.text not in (";", ".."):
             held.append(tokens.advance())
         tokens.require(";", f"in the equation {name} of line {line}")
         held.append(Token("end", "", line))
-        found.definitions[name] = held
+        statements.definitions[name] = held
 
     def _assignment(self, name: str, line: int) -> None:
-        tokens, found = self._tokens, self.found
+        tokens, statements = self._tokens, self.statements
         attribute = tokens.name(f"an attribute of {name}")
         tokens.require("=", f"after {name}.{attribute}")
         value = self._value()
         tokens.require(";", f"after the value of {name}.{attribute}")
-        if name in found.models or (name in found.equations and attribute in ("l", "m", "scale")):
+        if name in statements.models or (name in statements.equations and attribute in ("l", "m", "scale")):
             return
-        if name not in found.variables:
+        if name not in statements.variables:
             tokens.refuse(f"has {name}.{attribute}, and {name} is no variable", line)
-        variable = found.variables[name]
+        variable = statements.variables[name]
         if attribute in _PASSED_OVER:
             return
         if attribute == "l" and not math.isfinite(value):
@@ -204,46 +204,46 @@ class _Reader:
         return sign * value
 
     def _model(self) -> None:
-        tokens, found = self._tokens, self.found
+        tokens, statements = self._tokens, self.statements
         line, name = tokens.next.line, tokens.name("the name of a model")
-        if name in found.models or name in found.variables or name in found.equations:
+        if name in statements.models or name in statements.variables or name in statements.equations:
             tokens.refuse(f"declares {name} again", line)
         tokens.require("/", f"after {name}")
         if tokens.accept("all"):
-            rows = dict.fromkeys(found.equations, "")
+            rows = dict.fromkeys(statements.equations, "")
         else:
             rows: dict[str, str] = {}
             while True:
                 here, equation = tokens.next.line, tokens.name("the name of an equation")
-                if equation not in found.equations or equation in rows:
+                if equation not in statements.equations or equation in rows:
                     why = "is in the model twice" if equation in rows else "is no equation"
                     tokens.refuse(f"has {equation} in the model {name}, which {why}", here)
                 rows[equation] = tokens.name("the name of a variable") if tokens.accept(".") else ""
-                if rows[equation] and rows[equation] not in found.variables:
+                if rows[equation] and rows[equation] not in statements.variables:
                     tokens.refuse(f"has {equation}.{rows[equation]}, and {rows[equation]} is no variable", here)
                 if tokens.next.text == "/":
                     break
                 tokens.require(",", f"after {equation}")
         tokens.require("/", f"after the equations of {name}")
         tokens.require(";", f"after the model {name}")
-        found.models[name] = rows
+        statements.models[name] = rows
 
     def _solve(self, line: int) -> None:
-        tokens, found = self._tokens, self.found
+        tokens, statements = self._tokens, self.statements
         model = tokens.name("the name of a model")
-        if model not in found.models:
+        if model not in statements.models:
             tokens.refuse(f"solves {model}, which is no model", line)
         tokens.require("using", f"after {model}")
         kind = tokens.name("a type of model")
         if kind not in (*PROGRAMS, *COMPLEMENTARY):
             known = ", ".join((*PROGRAMS, *COMPLEMENTARY)).upper()
             tokens.refuse(f"solves {model} as {kind.upper()}, cpbench reads {known}", line)
-        found.solve = GAMSSolve(model, kind, line)
+        statements.solve = GAMSSolve(model, kind, line)
         if not tokens.accept(";"):
             sense = tokens.name("minimizing or maximizing")
             if sense not in ("minimizing", "maximizing"):
                 tokens.refuse(f"has '{sense}', expected minimizing or maximizing")
-            found.solve.sense, found.solve.objective = sense[:3], tokens.name("a variable")
-            if found.solve.objective not in found.variables:
-                tokens.refuse(f"has the objective {found.solve.objective}, which is no variable")
+            statements.solve.sense, statements.solve.objective = sense[:3], tokens.name("a variable")
+            if statements.solve.objective not in statements.variables:
+                tokens.refuse(f"has the objective {statements.solve.objective}, which is no variable")
             tokens.require(";", "after the objective")

@@ -109,15 +109,15 @@ class Tokens:
             if match is None:
                 self.refuse(f"has {line[at]!a}, which GAMS' CONVERT does not write in scalar models", number)
             at = match.end()
-            kind, found = match.lastgroup, match[0]
+            kind, token = match.lastgroup, match[0]
             if kind == "space":
                 continue
             if kind == "name":
-                found = found.lower()
-                if found.startswith("%"):
-                    found = self._value(found, number)
+                token = token.lower()
+                if token.startswith("%"):
+                    token = self._value(token, number)
             assert kind is not None  # every alternative of the pattern has a name
-            yield Token(kind, found, number)
+            yield Token(kind, token, number)
 
     def _instruction(self, line: str, number: int) -> None:
         given = _DEFAULT.fullmatch(line)

@@ -30,14 +30,14 @@ def parse(text: bytes, source: str | Path) -> dict[str, Any]:
             source, "", f"would take about {size / 1e9:.1f} GB as parsed JSON, at most {LARGEST / 1e9:.1f}"
         )
     try:
-        found: Any = json.loads(text, object_pairs_hook=_without_twins)
+        model: Any = json.loads(text, object_pairs_hook=_without_twins)
     except RecursionError:
         raise FormatError(source, "", "is nested too deep: put inner terms into a node_list") from None
     except (ValueError, MemoryError) as cause:
         raise FormatError(source, "", f"is not readable JSON ({shown(cause)})") from None
-    if not isinstance(found, dict):
-        raise FormatError(source, "", f"holds a JSON {type(found).__name__}, expected an object")
-    return cast("dict[str, Any]", found)
+    if not isinstance(model, dict):
+        raise FormatError(source, "", f"holds a JSON {type(model).__name__}, expected an object")
+    return cast("dict[str, Any]", model)
 
 
 def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

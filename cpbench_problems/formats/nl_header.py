@@ -41,7 +41,7 @@ def read_header(path: Path, data: bytes) -> tuple[Header, NLSource]:
         pairs=sum(kinds[2:4]),
         jacobian=numbers[7][0],
         gradients=numbers[7][1],
-        remark=found[1].strip() if (found := _NAMED.search(lines[0])) else "",
+        remark=name[1].strip() if (name := _NAMED.search(lines[0])) else "",
     )
     _check(path, header, len(data), numbers)
     if data[:1] == b"g":

@@ -89,13 +89,13 @@ class Segments:
         if missing:
             raise FormatError(self._path, "", f"has no segment {missing[0]}: the file is not complete")
         entries = sum(map(len, self.linear.values()))
-        for found, declared, what in (
+        for count, declared, what in (
             (entries, header.jacobian, "linear terms of constraints (J)"),
             (len(self.gradient), header.gradients, "linear terms of the objective (G)"),
             (len(self.beside), header.pairs, "complementarity conditions"),
         ):
-            if found != declared:
-                raise FormatError(self._path, "", f"has {found} {what}, its header says {declared}")
+            if count != declared:
+                raise FormatError(self._path, "", f"has {count} {what}, its header says {declared}")
         if self._columns is not None:
             counts = np.bincount([j for terms in self.linear.values() for j, _ in terms], minlength=n)
             if np.cumsum(counts)[: n - 1].tolist() != self._columns:

@@ -75,10 +75,10 @@ class SiconosText(Format):
 
     def load(self, path: Path, member: str) -> Problem:
         no_member(path, member)
-        found, refusals = _attempt(Cursor(path), [self])
-        if not found:
+        fitting, refusals = _attempt(Cursor(path), [self])
+        if not fitting:
             raise max(refusals, key=lambda refusal: refusal[0])[2]
-        return found[0][1]()
+        return fitting[0][1]()
 
     def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
         no_member(path, member)
@@ -87,11 +87,11 @@ class SiconosText(Format):
         signed = next((f for f in kinds if c.signature == f.name), None)
         if signed is not None:
             return signed.load(path, member)
-        found, refusals = _attempt(c, [f for f in kinds if f.guessed])
-        names = sorted({kind.name for kind, _ in found} | {kind.also for kind, _ in found if kind.also})
-        if len(found) == 1 and len(names) == 1:
-            return found[0][1]()
-        if found:
+        fitting, refusals = _attempt(c, [f for f in kinds if f.guessed])
+        names = sorted({kind.name for kind, _ in fitting} | {kind.also for kind, _ in fitting if kind.also})
+        if len(fitting) == 1 and len(names) == 1:
+            return fitting[0][1]()
+        if fitting:
             raise FormatError(path, "", f"fits the layouts of {' and '.join(names)}: say which with --format")
         if is_plasticity(c.again()):
             raise FormatError(path, "", "is a plasticity problem: no formulation of this version has it")
@@ -113,16 +113,16 @@ def _attempt(
     c: Cursor, kinds: Sequence[SiconosText]
 ) -> tuple[list[tuple[SiconosText, Builder]], list[tuple[int, str, FormatError]]]:
     """Return the readers that come to the file's last number, and the refusals of the others with how far they came."""
-    found: list[tuple[SiconosText, Builder]] = []
+    fitting: list[tuple[SiconosText, Builder]] = []
     refusals: list[tuple[int, str, FormatError]] = []
     for kind in kinds:
         for reader in kind.readers:
             attempt = c.again()
             try:
-                found.append((kind, reader(attempt)))
+                fitting.append((kind, reader(attempt)))
             except FormatError as cause:
                 refusals.append((attempt.at, kind.name, cause))
-    return found, refusals
+    return fitting, refusals
 
 
 for _format in (

@@ -58,11 +58,11 @@ class TextTriples(Format):
         no_member(path, member)
         entries: dict[tuple[int, int], float] = {}
         sides: dict[int, float] = {}
-        for number, found in _lines(read_text(path)):
-            if not _is_triple(found):
-                text = printable(" ".join(found)[:60])
+        for number, words in _lines(read_text(path)):
+            if not _is_triple(words):
+                text = printable(" ".join(words)[:60])
                 raise FormatError(path, f"line {number}", f"is '{text}', expected 'row column value' or 'q row value'")
-            first, second, value = found
+            first, second, value = words
             if first == _VECTOR:
                 _enter(path, number, sides, int(second), value)
             else:
@@ -75,18 +75,18 @@ class TextTriples(Format):
 def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the words of each line and its number, without comments."""
     for number, line in enumerate(_LINE_END.split(text), 1):
-        if found := _WORD.findall(line.split("#")[0].replace(",", " ")):
-            yield number, found
+        if words := _WORD.findall(line.split("#")[0].replace(",", " ")):
+            yield number, words
 
 
-def _is_triple(found: list[str]) -> bool:
-    if len(found) != 3 or "_" in found[2]:  # Python's 1_000, which no other reader takes
+def _is_triple(words: list[str]) -> bool:
+    if len(words) != 3 or "_" in words[2]:  # Python's 1_000, which no other reader takes
         return False
-    indices = found[1:2] if found[0] == _VECTOR else found[:2]
+    indices = words[1:2] if words[0] == _VECTOR else words[:2]
     if not all(word.isascii() and word.isdigit() and len(word) < 19 for word in indices):
         return False
     try:
-        float(found[2])
+        float(words[2])
     except ValueError:
         return False
     return True

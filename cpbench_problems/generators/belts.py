@@ -57,10 +57,10 @@ def build_local_large() -> list[Instance]:
 def tensions(n: int, bits: int, mu: float) -> list[Fraction]:
     """Return S_0, ..., S_n as impulses, for tan(δ/4) = 2^−bits."""
     c, s = _half_angle(bits)
-    found, friction = [Fraction(HELD)], Fraction(mu)
+    tension, friction = [Fraction(HELD)], Fraction(mu)
     for _ in range(n):
-        found.append((found[-1] * (c + friction * s) + Fraction(MASS * SPEED)) / (c - friction * s))
-    return found
+        tension.append((tension[-1] * (c + friction * s) + Fraction(MASS * SPEED)) / (c - friction * s))
+    return tension
 
 
 def _half_angle(bits: int) -> tuple[Fraction, Fraction]:

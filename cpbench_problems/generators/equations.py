@@ -101,8 +101,8 @@ def extended_rosenbrock(n: int) -> Instance:
         return [row for a, b in zip(x[::2], x[1::2], strict=True) for row in (10.0 * (b - a**2), 1.0 - a)]
 
     start = np.tile([-1.2, 1.0], n // 2).tolist()
-    found = _known(f"extended-rosenbrock-{n}", F, start, np.ones(n).tolist(), "regular")
-    return replace(found, known="closed form")
+    problem = _known(f"extended-rosenbrock-{n}", F, start, np.ones(n).tolist(), "regular")
+    return replace(problem, known="closed form")
 
 
 def broyden_tridiagonal(n: int) -> Instance:

@@ -104,8 +104,8 @@ class ByParts(AutomaticChoice):
         left, large = budget.left(deadline), sum(prepared.problem.point_sizes.values()) > self.few
         if large or left.seconds <= 0.0 or (parts := parted(prepared.problem)) is None:
             return output  # `setup` has looked for the parts of a large problem
-        found = self._apart(parts, left, options, start, last)
-        return found if found.claim is Claim.SOLVED else output
+        solution = self._apart(parts, left, options, start, last)
+        return solution if solution.claim is Claim.SOLVED else output
 
     def _apart(
         self, parts: PartedAffine, budget: Budget, options: Any, start: Any, record: LastNumber | Record | None

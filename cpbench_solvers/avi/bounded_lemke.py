@@ -82,10 +82,10 @@ class BoxLCP:
         pairs = order[kept]
         basic = inside[pairs]
         cover = self.multiplier[pairs] == basic
-        found = _follow(D[np.ix_(kept, kept)], d[kept], cover, basic, width[pairs], limit, deadline, options)
-        if found is None:
+        ray = _follow(D[np.ix_(kept, kept)], d[kept], cover, basic, width[pairs], limit, deadline, options)
+        if ray is None:
             return None
-        outcome, y, w, at_last, pivots = found
+        outcome, y, w, at_last, pivots = ray
         step, force = np.zeros(r.size), np.zeros(r.size)
         step[pairs], force[pairs] = y, w
         step[S] = -at - to_rest @ step[rest] + inverse @ force[S]

@@ -113,11 +113,11 @@ class _Pivoting(Solver):
         walk, message = None, ""
         # where the path from the start does not end in a solution, that from a vertex may, or proves that there is none
         for begin in (_from_start, _from_vertex) if start is not None else (_from_vertex,):
-            found = begin(prepared, start)
-            if isinstance(found, str):
-                message = found
+            basis = begin(prepared, start)
+            if isinstance(basis, str):
+                message = basis
                 continue
-            inside, near = found
+            inside, near = basis
             walk = box.walk(inside, near, limit, deadline, options)
             counters["factorizations"] += 1
             if walk is not None:
@@ -134,26 +134,26 @@ class _Pivoting(Solver):
 def _from_vertex(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector] | str:
     """Return the basis of a vertex where the forces at rest are least."""
     z, lam, mu = prepared.parts
-    box, found = prepared.box, prepared.polyhedron()
-    vertex = found.vertex(box.r[z])
+    box, rows = prepared.box, prepared.polyhedron()
+    vertex = rows.vertex(box.r[z])
     if vertex is None:
         return "the rows and bounds have no common point, by the simplex method of HiGHS"
     inside, near = np.zeros(box.r.size, dtype=bool), np.zeros(box.r.size)
     near[z] = vertex
-    inside[z], inside[lam], inside[mu] = found.basis(vertex)
+    inside[z], inside[lam], inside[mu] = rows.basis(vertex)
     return inside, near
 
 
 def _from_start(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector]:
     """Return the unknowns between bounds and the rows with a force at the start, as far as they are independent."""
     z, lam, mu = prepared.parts
-    x, found = prepared.unknowns(start), prepared.polyhedron()
+    x, rows = prepared.unknowns(start), prepared.polyhedron()
     felt = x[lam] > ACTIVE * (1.0 + max_abs(x[lam]))
-    C, d = np.vstack([found.C, found.A[felt]]), np.concatenate([found.d, found.b[felt]])
-    N, _, E = replace(found, A=found.A[~felt], b=found.b[~felt], C=C, d=d).basis(x[z])
+    C, d = np.vstack([rows.C, rows.A[felt]]), np.concatenate([rows.d, rows.b[felt]])
+    N, _, E = replace(rows, A=rows.A[~felt], b=rows.b[~felt], C=C, d=d).basis(x[z])
     inside, pushed = np.zeros(x.size, dtype=bool), np.zeros(felt.size, dtype=bool)
-    pushed[felt] = E[found.d.size :]
-    inside[z], inside[lam], inside[mu] = N, pushed, E[: found.d.size]
+    pushed[felt] = E[rows.d.size :]
+    inside[z], inside[lam], inside[mu] = N, pushed, E[: rows.d.size]
     return inside, x
 
 

@@ -86,11 +86,11 @@ class CentralPath:
         """Start where the equations hold with W = I, moved inside (Vandenberghe 2010, section 7.3)."""
         n = self._p.size
         solved = self._solver(sp.csr_array(sp.diags_array(self._e_all())))
-        found = None if solved is None else solved(-self._p, -self._h)
-        if found is None:
+        start = None if solved is None else solved(-self._p, -self._h)
+        if start is None:
             self._x, y = np.zeros(n), np.zeros(self._h.size)
         else:
-            self._x, y = found
+            self._x, y = start
         s = self._G @ self._x + self._h
         self._s, self._y = self._inside(s), self._inside(y)
 
@@ -123,10 +123,10 @@ class CentralPath:
         def direction(r: Vector, share: float) -> tuple[Vector, Vector, Vector, Vector] | None:
             """Return dx, dy, W⁻¹ds, W dy with λ∘(W⁻¹ds + W dy) = −r, `share` of the residuals left out."""
             d = cones.divided(lam, r)
-            found = solve(-(1.0 - share) * stationarity, -(1.0 - share) * primal - scaling.times(d))
-            if found is None:
+            solution = solve(-(1.0 - share) * stationarity, -(1.0 - share) * primal - scaling.times(d))
+            if solution is None:
                 return None
-            dx, dy = found
+            dx, dy = solution
             scaled = scaling.times(dy)
             return dx, dy, -d - scaled, scaled
 
@@ -137,10 +137,10 @@ class CentralPath:
         # Mehrotra's: the further the prediction got, the less centering
         sigma = (1.0 - alpha) ** self._options.correction
         bend = cones.product(prediction[2], prediction[3])
-        found = direction(cones.product(lam, lam) + bend - sigma * mu * self._e, sigma)
-        if found is None:
+        solution = direction(cones.product(lam, lam) + bend - sigma * mu * self._e, sigma)
+        if solution is None:
             return LOST
-        dx, dy, ds, dy_scaled = found
+        dx, dy, ds, dy_scaled = solution
         alpha = self._length(scaling, ds, dy_scaled, FRACTION)
         if not alpha > SHORT:
             return f"steps of length {alpha:.0e} only, after {self.counters['iterations']} iterations"

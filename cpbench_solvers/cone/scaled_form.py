@@ -56,8 +56,8 @@ def judged(problem: ConeQP | SOCLCP, tolerance: float) -> Callable[[Any], float]
         return _flat(problem)
 
     def error(point: Any) -> float:
-        found = problem.residuals(point, tolerance).error if point.finite else np.inf
-        return max(found, (flat() or partial(_gap, problem))(point)) if found <= tolerance else found
+        residual = problem.residuals(point, tolerance).error if point.finite else np.inf
+        return max(residual, (flat() or partial(_gap, problem))(point)) if residual <= tolerance else residual
 
     return error
 

@@ -63,11 +63,11 @@ class SolverByParts(PartSolver):
         return None
 
     def setup(self, problem: Contact, budget: Budget, options: Any) -> ContactPart | ContactParts:
-        found = connected_parts(problem)
-        if len(found) == 1:
+        parts = connected_parts(problem)
+        if len(parts) == 1:
             rows = np.arange(problem.q.size)
             return ContactPart.of(rows, problem, self.prepare(problem, budget, options))
-        label = labels_of(found, problem.nc)
+        label = labels_of(parts, problem.nc)
         place = np.empty(problem.nc, np.int64)
 
         def make(contacts: Index) -> ContactPart:
@@ -76,8 +76,8 @@ class SolverByParts(PartSolver):
             part = part_of(problem, contacts, rows, place)
             return ContactPart.of(rows, part, self.prepare(part, budget, options))
 
-        whole = MeasuredParts(rows_of_blocks(problem), label, len(found))
-        return ContactParts(whole, tuple(found), make)
+        whole = MeasuredParts(rows_of_blocks(problem), label, len(parts))
+        return ContactParts(whole, tuple(parts), make)
 
     def solve(
         self,

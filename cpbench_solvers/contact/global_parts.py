@@ -68,14 +68,14 @@ def moving_parts(problem: GlobalContact) -> MovingParts | None:
     order = np.argsort(label, kind="stable")
     first = np.searchsorted(label[order], with_contacts)
     groups = np.split(order, first)
-    found = [groups[1 + k] for k in np.argsort(-size, kind="stable")] + ([groups[0]] if groups[0].size else [])
+    largest_first = [groups[1 + k] for k in np.argsort(-size, kind="stable")] + ([groups[0]] if groups[0].size else [])
 
     def part(at: Index) -> MovingPart:
         ends = np.searchsorted(at, [nc, nc + n])
         contacts, velocities, joints = np.split(at, ends)
         return MovingPart(contacts, velocities - nc, joints - nc - n)
 
-    return MovingParts(problem, tuple(map(part, found)))
+    return MovingParts(problem, tuple(map(part, largest_first)))
 
 
 def restricted(problem: Any, part: MovingPart) -> Any:

@@ -109,16 +109,16 @@ class NewtonContact(Solver):
                 break
             share = SHARE * max(budget.tolerance, error * error)
             asked = Budget(tolerance=min(max(share, FINEST), COARSEST), seconds=left, seed=budget.seed)
-            found = None
+            step = None
             for tau in PROXIMAL:
                 target = _linear_step(problem, point, tau, inner, asked, counters)
-                found = None if target is None else _search(point, target, max(recent), merit)
-                if found is not None or time.monotonic() > deadline:
+                step = None if target is None else _search(point, target, max(recent), merit)
+                if step is not None or time.monotonic() > deadline:
                     break
-            if found is None:
+            if step is None:
                 claim, message = Claim.FAILED, "no step descends"
                 break
-            point, value = found
+            point, value = step
             error = error_at(point)
             recent.append(value)
             counters["iterations"] += 1

@@ -176,9 +176,9 @@ def rounding_error(problem: Contact, r: Vector, label: Index) -> float:
 
 def error_or_rounding(problem: Contact, r: Vector, tolerance: float) -> float:
     """Return the largest error of a part, and where rounding hides it at the tolerance, what that may make of it."""
-    found = connected_parts(problem)
-    label = labels_of(found, problem.nc)
-    error = float(MeasuredParts(rows_of_blocks(problem), label, len(found)).errors(r).max(initial=0.0))
+    parts = connected_parts(problem)
+    label = labels_of(parts, problem.nc)
+    error = float(MeasuredParts(rows_of_blocks(problem), label, len(parts)).errors(r).max(initial=0.0))
     floor = rounding_error(problem, r, label)
     return floor if max(error, tolerance) <= floor else error
 

@@ -96,9 +96,9 @@ class NewtonPhase:
             self.tau = min(self._share * size, LARGEST)
             d = self.equation.direction(self._at, self.tau)
             if d is not None:
-                found = self._shortened(d)
-                if found is not None:
-                    length, self._at = found
+                shortened = self._shortened(d)
+                if shortened is not None:
+                    length, self._at = shortened
                     self._recent.append(self._at.size)
                     if length >= 1.0:
                         self._share = max(self._share / EASE, SHARE[1])

@@ -172,9 +172,9 @@ class BlockPrincipalPivoting(Solver):
     ) -> SolverOutput:
         rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=budget.iterations)
         problem = prepared.problem
-        found = Lemke().solve(prepared, rest, LemkeOptions(), LCPPoint(np.maximum(z, 0.0)))
-        counters = {**counters, "pivots": found.counters["pivots"]}
-        if record is not None and isinstance(found.point, LCPPoint):
-            record(counters["iterations"] + 1, error_of(problem, found.point.z), partial(LCPPoint, found.point.z))
-        message = f"{why}; Lemke's method: {found.message or found.claim}"
-        return replace(found, counters=counters, message=message)
+        solution = Lemke().solve(prepared, rest, LemkeOptions(), LCPPoint(np.maximum(z, 0.0)))
+        counters = {**counters, "pivots": solution.counters["pivots"]}
+        if record is not None and isinstance(solution.point, LCPPoint):
+            record(counters["iterations"] + 1, error_of(problem, solution.point.z), partial(LCPPoint, solution.point.z))
+        message = f"{why}; Lemke's method: {solution.message or solution.claim}"
+        return replace(solution, counters=counters, message=message)

@@ -105,24 +105,24 @@ class LCPEnumeration(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         problem, n = prepared.problem, prepared.q.size
-        found = enumerate_bases(prepared, budget, options)
+        search = enumerate_bases(prepared, budget, options)
         counters = {
-            "iterations": found.bases,
-            "singular_bases": found.singular,
-            "solutions": len(found.solutions),
-            "linear_programs": found.programs,
+            "iterations": search.bases,
+            "singular_bases": search.singular,
+            "solutions": len(search.solutions),
+            "linear_programs": search.programs,
         }
-        whole = found.bases == 2**n
-        if found.solutions:
-            output = conclude(problem, found.solutions[0], budget, counters)
-            text = str(found) if whole else f"{found}, of {2**n}"
+        whole = search.bases == 2**n
+        if search.solutions:
+            output = conclude(problem, search.solutions[0], budget, counters)
+            text = str(search) if whole else f"{search}, of {2**n}"
             return SolverOutput(claim=output.claim, point=output.point, counters=counters, message=text)
-        if not whole or found.undecided:
+        if not whole or search.undecided:
             claim = Claim.FAILED if whole else Claim.MAX_ITER
-            return conclude(problem, np.zeros(n), budget, counters, otherwise=claim, message=f"{found}, of {2**n}")
+            return conclude(problem, np.zeros(n), budget, counters, otherwise=claim, message=f"{search}, of {2**n}")
         certificate = farkas(problem, budget)
         how = "y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding" if certificate is not None else "by exhaustion, to rounding"
-        message = f"no solution in all {2**n} bases, the closest misses by {-found.closest:.1e}: {how}"
+        message = f"no solution in all {2**n} bases, the closest misses by {-search.closest:.1e}: {how}"
         return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
 
 

@@ -168,7 +168,7 @@ def _solve(
             counters["iterations"] += 1
             # what has no interior is left far behind by interior points: Newton's method goes on from the start, too
             ends = (_finished(prepared, x, budget) for x in (best, first))
-            best, least = min((best, least), *ends, key=lambda found: found[1])
+            best, least = min((best, least), *ends, key=lambda final: final[1])
             if record is not None:
                 record(counters["iterations"], least, partial(answer, best))
             claim, message = Claim.INACCURATE if least <= CLOSE * budget.tolerance else Claim.FAILED, str(trouble)
@@ -176,9 +176,9 @@ def _solve(
         counters["iterations"] = done + 1
         shown = at.x
     if least <= budget.tolerance:
-        found = best
+        final = best
         best, least = settled(prepared, best, least, budget.tolerance)
-        if record is not None and best is not found:
+        if record is not None and best is not final:
             record(counters["iterations"] + 1, least, partial(answer, best))
         claim, message = Claim.SOLVED, ""
     return SolverOutput(claim=claim, point=answer(best), counters=counters, message=message)
@@ -187,8 +187,8 @@ def _solve(
 def _finished(prepared: ScaledMLCP, x: Vector, budget: Budget) -> tuple[Vector, float]:
     """Return where Newton's method on min(v, w) leads from x, and its error."""
     method = SemismoothMethod(linear_box(prepared), minimum, fischer_burmeister, SemismoothOptions())
-    found = run(method, budget, FINISHING, 0, x, None).point
-    better = prepared.start(found)
+    finished = run(method, budget, FINISHING, 0, x, None).point
+    better = prepared.start(finished)
     return better, prepared.error(better, budget.tolerance)
 
 

@@ -43,12 +43,12 @@ class MLCPEnumeration(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         reduction = Reduction(prepared)
-        found = enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget, options)
-        answers = refined_answers(prepared, reduction, found, budget)
-        found.solutions = [x for _, x in answers]  # an equality without unknowns may exclude what bases give
+        enumeration = enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget, options)
+        answers = refined_answers(prepared, reduction, enumeration, budget)
+        enumeration.solutions = [x for _, x in answers]  # an equality without unknowns may exclude what bases give
         whole = 2 ** (prepared.k.size - prepared.free)
-        counters = {"iterations": found.bases, "singular_bases": found.singular, "solutions": len(answers)}
-        message = str(found) if found.bases == whole else f"{found}, of {whole}"
+        counters = {"iterations": enumeration.bases, "singular_bases": enumeration.singular, "solutions": len(answers)}
+        message = str(enumeration) if enumeration.bases == whole else f"{enumeration}, of {whole}"
         if answers:
             error, x = min(answers, key=lambda answer: answer[0])
             output = conclude(prepared, x, budget, counters, error=error)
@@ -57,16 +57,16 @@ class MLCPEnumeration(Solver):
         if certificate is not None:
             message += "; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 to rounding (Farkas)"
             return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
-        claim = Claim.FAILED if found.bases == whole else Claim.MAX_ITER
+        claim = Claim.FAILED if enumeration.bases == whole else Claim.MAX_ITER
         return conclude(prepared, np.zeros(prepared.k.size), budget, counters, otherwise=claim, message=message)
 
 
 def refined_answers(
-    prepared: ScaledMLCP, reduction: Reduction, found: Enumeration, budget: Budget
+    prepared: ScaledMLCP, reduction: Reduction, enumeration: Enumeration, budget: Budget
 ) -> list[tuple[float, Vector]]:
     """Return error and x of each solution, refined where needed; without what is none on the whole problem."""
     answers: list[tuple[float, Vector]] = []
-    for z in found.solutions:
+    for z in enumeration.solutions:
         x = reduction.recover(z)
         error = prepared.error(x)
         if not error <= budget.tolerance:

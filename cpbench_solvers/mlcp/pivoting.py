@@ -242,8 +242,8 @@ class _Run:
             self.pivots += code // kernel.CODES
             return code % kernel.CODES, z
         lemke_options = LemkeOptions(self._limit, options.pivot_tolerance, options.tie_tolerance)
-        found = solvers.get("lemke").run(LCP(M=M, q=q), self._budget, lemke_options)
-        self.pivots += found.counters["pivots"]
+        solution = solvers.get("lemke").run(LCP(M=M, q=q), self._budget, lemke_options)
+        self.pivots += solution.counters["pivots"]
         codes = {Claim.MAX_ITER: kernel.LIMIT, Claim.FAILED: kernel.RAY, Claim.INFEASIBLE: kernel.RAY}
-        z = np.zeros(m) if found.point is None else found.point.z
-        return codes.get(found.claim, kernel.COMPLEMENTARY), z
+        z = np.zeros(m) if solution.point is None else solution.point.z
+        return codes.get(solution.claim, kernel.COMPLEMENTARY), z

@@ -215,11 +215,11 @@ def run(
     first = box.project(box.start if start is None else start)
     F = box.F(first)
     if not np.isfinite(F).all():
-        found = _drawn(box, first, 0, rng)
-        if found is None:
+        next_start = _drawn(box, first, 0, rng)
+        if next_start is None:
             message = "F is not finite at the start nor near it: give another start"
             return SolverOutput(claim=Claim.FAILED, point=box.point(first), counters=counters, message=message)
-        z, F = found
+        z, F = next_start
     else:
         z = first
     best, least, claim, message = z, math.inf, Claim.MAX_ITER, f"{limit} iterations"
@@ -251,11 +251,11 @@ def run(
             break
         counters["restarts"] += 1
         number = counters["restarts"]
-        found = begun if number < method.strategies else _drawn(box, first, number - method.strategies, rng)
-        if found is None:
+        next_start = begun if number < method.strategies else _drawn(box, first, number - method.strategies, rng)
+        if next_start is None:
             claim, message = Claim.FAILED, f"stuck at error {least:.1e}, and F is not finite at other starts"
             break
-        method.begin(*found, number % method.strategies)
+        method.begin(*next_start, number % method.strategies)
         gained, level = done + 1, math.inf
     if least <= budget.tolerance:
         claim, message = Claim.SOLVED, ""

@@ -125,11 +125,11 @@ class StepwiseDescent(DescentMethod):
 
     def step(self) -> bool:
         J = self.box.jacobian(self.z)
-        found = None if J is None else self.next(J, self.descent.gradient(self.at, J))
-        if found is None:
+        moved = None if J is None else self.next(J, self.descent.gradient(self.at, J))
+        if moved is None:
             return False
-        self.descent.accept(found)
-        self._stand(found)
+        self.descent.accept(moved)
+        self._stand(moved)
         return True
 
     @abstractmethod

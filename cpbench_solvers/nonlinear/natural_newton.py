@@ -226,9 +226,9 @@ class NaturalNewton(ProjectionMethod):
         if self._idle > PATIENCE and self.elsewhere():
             return True
         if self._waiting == 0:
-            found = self._newton(phi, min(self._accepted, size))
-            if found is not None:
-                self.z, self.F, self._accepted = found
+            moved = self._newton(phi, min(self._accepted, size))
+            if moved is not None:
+                self.z, self.F, self._accepted = moved
                 self._slow = None
                 return True
             self._waiting, self._phase = self._phase, 2 * self._phase
@@ -247,8 +247,8 @@ class NaturalNewton(ProjectionMethod):
         if done > self.options.restarts:
             return False
         self.field.counters["restarts"] = done + 1
-        found = self._drawn() if done < self.options.restarts else None
-        self._stand(*(found or self._best[:2]))
+        start = self._drawn() if done < self.options.restarts else None
+        self._stand(*(start or self._best[:2]))
         return True
 
     def _drawn(self) -> tuple[Vector, Vector] | None:

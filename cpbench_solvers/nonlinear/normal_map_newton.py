@@ -107,12 +107,12 @@ class _NormalMap(BoxMethod):
                 yield d
 
     def _merit_step(self, J: Matrix) -> bool:
-        found = fall_back_afresh(self._descent, self.z, self.F, J)
-        if found is None:
+        moved = fall_back_afresh(self._descent, self.z, self.F, J)
+        if moved is None:
             return False
         # the two merits are not bounds of each other: what was reached by this one counts afresh in the other
         self._merits.clear()
-        self._stand(normal_point(found.z, found.F, self.box.lb, self.box.ub), found.z, found.F)
+        self._stand(normal_point(moved.z, moved.F, self.box.lb, self.box.ub), moved.z, moved.F)
         return True
 
 

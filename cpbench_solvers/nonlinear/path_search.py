@@ -87,9 +87,9 @@ class _PathSearch(DescentMethod):
         J = self.box.jacobian(at.z)
         if self._crashing > 0 and J is not None:
             self._crashing -= 1
-            found = self._crash(at, J)
-            if found is not None:
-                self._good(found)
+            crashed = self._crash(at, J)
+            if crashed is not None:
+                self._good(crashed)
                 return True
             self._crashing = 0
         if J is not None:
@@ -133,14 +133,14 @@ class _PathSearch(DescentMethod):
         """Return where the path has t = `until`; None when it does not come there."""
         box = self.box
         x = normal_point(at.z, at.F, box.lb, box.ub)
-        found = NormalPath(J, at.F, x, box.lb, box.ub).trace(until, self._most, self._deadline)
-        if found is None:
+        end = NormalPath(J, at.F, x, box.lb, box.ub).trace(until, self._most, self._deadline)
+        if end is None:
             return None
-        box.counters["pivots"] += found.pivots
-        box.counters["factorizations"] += found.factorizations
-        if found.t < until:
+        box.counters["pivots"] += end.pivots
+        box.counters["factorizations"] += end.factorizations
+        if end.t < until:
             return None
-        return self.descent.at(project_box(found.x, box.lb, box.ub))
+        return self.descent.at(project_box(end.x, box.lb, box.ub))
 
     def _from_checkpoint(self, at: MeritPoint, J: Matrix | None) -> bool:
         """Go back to the last good point: along its path, along the chord of it, or downhill."""
@@ -157,15 +157,15 @@ class _PathSearch(DescentMethod):
             if end is not None:
                 d = end.z - good.z
                 falls = end.merit <= (1.0 - SUFFICIENT * t) * reference and norm(d) > 0.0
-                found = end if falls else descent.search(good, d, float(gradient @ d))
-                if found is not None:
-                    self._good(found)
+                moved = end if falls else descent.search(good, d, float(gradient @ d))
+                if moved is not None:
+                    self._good(moved)
                     return True
             t *= 0.5
-        found = fall_back(descent, good, J, gradient)
-        if found is None:
+        moved = fall_back(descent, good, J, gradient)
+        if moved is None:
             return False
-        self._good(found)
+        self._good(moved)
         return True
 
 

@@ -185,11 +185,11 @@ def rows_obstacle(problem: VI | QVI) -> str | None:
     rows = {"g": problem.g.rows}
     if isinstance(problem, VI):
         rows = {"A": problem.b.size, "C": problem.d.size} | rows
-    found = ", ".join(f"{count} of {name}" for name, count in rows.items() if count)
-    if not found:
+    rows_named = ", ".join(f"{count} of {name}" for name, count in rows.items() if count)
+    if not rows_named:
         return None
     instead = "newton-qvi" if isinstance(problem, QVI) else "newton-vi, or the conversion vi→micp where S is a box"
-    return f"has rows ({found}), whose set has no projection in closed form: use {instead}"
+    return f"has rows ({rows_named}), whose set has no projection in closed form: use {instead}"
 
 
 @np.errstate(all="ignore")

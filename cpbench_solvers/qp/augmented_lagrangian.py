@@ -173,5 +173,5 @@ class AugmentedLagrangian(Solver):
         """Return what a step of centre and multipliers proves when they go on and on (Banjac et al. 2019)."""
         n, m = form.g.size, problem.b.size
         rows = dy[n:] * form.E
-        found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(dy) > 1.0 else None
-        return found or (unbounded(problem, form.D * dx, counters) if max_abs(dx) > 1.0 else None)
+        certificate = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(dy) > 1.0 else None
+        return certificate or (unbounded(problem, form.D * dx, counters) if max_abs(dx) > 1.0 else None)

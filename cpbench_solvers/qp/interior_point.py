@@ -237,8 +237,8 @@ def _proved(
     n, m = scales.g.size, problem.b.size
     for x, y in ((path.x, path.y), (path.x - before[0], path.y - before[1])):
         rows = y[n:] * scales.E
-        found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(rows) > 1.0 else None
-        found = found or (unbounded(problem, scales.D * x, counters) if max_abs(x) > 1.0 else None)
-        if found is not None:
-            return found
+        certificate = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(rows) > 1.0 else None
+        certificate = certificate or (unbounded(problem, scales.D * x, counters) if max_abs(x) > 1.0 else None)
+        if certificate is not None:
+            return certificate
     return None

@@ -40,8 +40,8 @@ class NLFile(Exchange):
 
     def obstacle(self, problem: Problem) -> str | None:
         why = super().obstacle(problem)
-        if why is None and (found := nl_write.obstacle(problem)):
-            why = f"the exchange {self.name} cannot carry it: {found}"
+        if why is None and (reason := nl_write.obstacle(problem)):
+            why = f"the exchange {self.name} cannot carry it: {reason}"
         return why
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
@@ -66,17 +66,19 @@ class NLFile(Exchange):
         write_atomic(path, "\n".join([*lines, ""]).encode(), force=True)
 
     def read_answer(self, path: Path, problem: Problem) -> Any:
-        found = _read(path)
+        answer = _read(path)
         sizes = problem.point_sizes
         rows = sizes.get("lam", 0) + sizes.get("mu", 0)
-        if found.primal.size != sizes["z"]:
-            raise FormatError(path, "", f"has {found.primal.size} numbers, expected {sizes['z']}, one for each unknown")
-        parts: dict[str, Vector] = {"z": found.primal}
+        if answer.primal.size != sizes["z"]:
+            raise FormatError(
+                path, "", f"has {answer.primal.size} numbers, expected {sizes['z']}, one for each unknown"
+            )
+        parts: dict[str, Vector] = {"z": answer.primal}
         if "nu" in sizes:
-            if found.dual.size != rows:
-                raise FormatError(path, "", f"has {found.dual.size} multipliers of rows, expected {rows}")
-            parts["lam"], parts["mu"] = np.split(found.dual, [sizes["lam"]])
-            parts["nu"] = found.push if found.push is not None else _left(problem, **parts)
+            if answer.dual.size != rows:
+                raise FormatError(path, "", f"has {answer.dual.size} multipliers of rows, expected {rows}")
+            parts["lam"], parts["mu"] = np.split(answer.dual, [sizes["lam"]])
+            parts["nu"] = answer.push if answer.push is not None else _left(problem, **parts)
         return problem.point_type(**parts)
 
     def holds_answer(self, path: Path) -> bool:
@@ -85,9 +87,9 @@ class NLFile(Exchange):
     def claim(self, path: Path) -> Mapping[str, Any]:
         if not path.is_file():
             return {}
-        found = _read(path)
-        k = found.result // 100
-        return {"claim": _CLAIMS[k] if 0 <= k < len(_CLAIMS) else "failed", "message": found.message}
+        solution = _read(path)
+        k = solution.result // 100
+        return {"claim": _CLAIMS[k] if 0 <= k < len(_CLAIMS) else "failed", "message": solution.message}
 
 
 @dataclass
