@@ -101,8 +101,8 @@ def stopping(test: str, tolerance: float, differs: str = "", factor: float = 1.0
     return Stopping(test=test, settings=settings, defaults=defaults, differs=differs, factor=factor)
 
 
-def set_tolerances(settings: Any, asked: Stopping) -> None:
+def set_tolerances(settings: Any, stopping: Stopping) -> None:
     """Write the criteria into a solver's settings."""
     settings.solve_ncp = True
-    for name, value in asked.settings.items():
+    for name, value in stopping.settings.items():
         setattr(settings, name, value)

@@ -129,8 +129,8 @@ class SiconosSolver(ServedSolver):
     def solve(
         self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        asked = self.stopping(budget.tolerance, prepared.problem).settings[NAME]
-        settings = SiconosSettings(tolerance=asked, max_iter=limit(budget, self.row.bound), inner=self.row.inner)
+        requested = self.stopping(budget.tolerance, prepared.problem).settings[NAME]
+        settings = SiconosSettings(tolerance=requested, max_iter=limit(budget, self.row.bound), inner=self.row.inner)
         return super().solve(prepared, budget, settings, start, record)
 
     def stopping(self, tolerance: float, problem: Any = None) -> Stopping:

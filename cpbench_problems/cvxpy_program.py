@@ -53,7 +53,7 @@ def converted(problem: Any, name: str = "") -> tuple[Problem, Callable[[Any], di
     properties: dict[str, Any] = {SENSE: "max"} if isinstance(problem.objective, cvxpy.Maximize) else {}
     if offset := float(inverse[-1][settings.OFFSET]):
         properties[OFFSET] = offset
-    made = _program(data, dims, name, Info(title="program of CVXPY", properties=properties))
+    program = _program(data, dims, name, Info(title="program of CVXPY", properties=properties))
 
     reductions = chain.reductions[:-1]
 
@@ -64,7 +64,7 @@ def converted(problem: Any, name: str = "") -> tuple[Problem, Callable[[Any], di
             solution = reduction.invert(solution, known)
         return {variable: solution.primal_vars[variable.id] for variable in problem.variables()}
 
-    return made, back
+    return program, back
 
 
 def _program(data: Any, dims: Any, name: str, info: Info) -> Problem:
@@ -74,8 +74,8 @@ def _program(data: Any, dims: Any, name: str, info: Info) -> Problem:
     Q = sp.csr_array(data["P"]) if data.get("P") is not None else sp.csr_array((c.size, c.size))
     equal, above = int(dims.zero), int(dims.zero) + int(dims.nonneg)
     if not dims.soc:
-        made = QP.build(Q, c, -A[equal:above], -b[equal:above], A[:equal], b[:equal], name=name)
-        return replace(made, info=info)
+        program = QP.build(Q, c, -A[equal:above], -b[equal:above], A[:equal], b[:equal], name=name)
+        return replace(program, info=info)
     factors = (
         (Cone.ZERO, 1, equal),
         (Cone.NONNEGATIVE, 1, above - equal),

@@ -38,8 +38,8 @@ def from_cvxpy(problem: Any, *, name: str = "") -> Modelled:
     >>> model.problem.node, model.lift(cpbench.solve(model.problem))[x].round(5).tolist()
     ('coneqp', [3.0, -4.0])
     """
-    made, back = cvxpy_program.converted(problem, name)
-    return Modelled(made, back)
+    program, back = cvxpy_program.converted(problem, name)
+    return Modelled(program, back)
 
 
 def from_qpsolvers(problem: Any, *, name: str = "") -> Modelled:
@@ -62,8 +62,8 @@ def from_qpsolvers(problem: Any, *, name: str = "") -> Modelled:
         if value is not None:
             values[part] = sp.csr_array(value) if sp.issparse(value) else np.asarray(value)
     path = Path("qpsolvers.Problem")
-    made = build_problem(path, values, *choose(path, shapes_of(values), form), name)
-    return Modelled(made, lambda point: point.z)
+    program = build_problem(path, values, *choose(path, shapes_of(values), form), name)
+    return Modelled(program, lambda point: point.z)
 
 
 def from_game(A: Any, B: Any, *, name: str = "") -> Modelled:

@@ -39,8 +39,8 @@ SHOWN = 5
 def first_line(entries: Sequence[ListedProblem]) -> str:
     """Return the identity of the collection, and how many problems each tier has."""
     counts = Counter(entry.tier for entry in entries)
-    made = [f"{counts[tier]} {tier}" for tier in TIERS if tier != SMALL and counts[tier]]
-    rest = f"; {' and '.join(made)}, which cpbench collection generate --tier writes" if made else ""
+    counted_tiers = [f"{counts[tier]} {tier}" for tier in TIERS if tier != SMALL and counts[tier]]
+    rest = f"; {' and '.join(counted_tiers)}, which cpbench collection generate --tier writes" if counted_tiers else ""
     return f"{identity(entries)}: {counts[SMALL]} {SMALL}, installed as files{rest}"
 
 
@@ -192,8 +192,8 @@ def scene(
     """
     require_new(output, force)
     simulation = hook("simulate_scene")(name, solver, tolerance, **chosen)
-    with click.progressbar(simulation.run(steps), length=steps, label=name, file=sys.stderr) as made:
-        for _ in made:
+    with click.progressbar(simulation.run(steps), length=steps, label=name, file=sys.stderr) as states:
+        for _ in states:
             pass
     values = {"steps": steps, "solver": solver, "tolerance": tolerance, **chosen}
     given = [f"--{key.replace('_', '-')} {value}" for key, value in values.items() if value is not None]

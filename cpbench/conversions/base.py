@@ -173,9 +173,9 @@ class SameUnknowns(Conversion):
         return _handed_over(point, formulations.get(self.target).point_type, back)
 
 
-def _handed_over(point: Point, made: type[Point], renamed: Mapping[str, str]) -> Point:
-    parts, names = point.arrays(), [f.name for f in dataclasses.fields(made)]
-    return made(**{name: parts.get(renamed.get(name, name), np.zeros(0)) for name in names})
+def _handed_over(point: Point, point_type: type[Point], renamed: Mapping[str, str]) -> Point:
+    parts, names = point.arrays(), [f.name for f in dataclasses.fields(point_type)]
+    return point_type(**{name: parts.get(renamed.get(name, name), np.zeros(0)) for name in names})
 
 
 conversions: Registry[type[Conversion]] = Registry("conversion", "cpbench.conversions")
@@ -201,8 +201,8 @@ def edge(
         for attribute, value in given.items():
             if value is not None:
                 setattr(cls, attribute, value)
-        conversions.add(name, made := dataclasses.dataclass(frozen=True)(cls))
-        return made
+        conversions.add(name, conversion := dataclasses.dataclass(frozen=True)(cls))
+        return conversion
 
     return register
 

@@ -325,11 +325,11 @@ class SOCLCP(AffineProblem, ConicProblem):
         w = Mx + self.q
         natural = norm(cone_defect(self.K, x, w))
         measured = {"natural": scaled(natural, norm(self.q))}
-        felt = self.K.extended
-        q_size = max_abs(self.q[felt])
+        active = self.K.extended
+        q_size = max_abs(self.q[active])
         if q_size > 0:
             x_scale = max(max_abs(x), q_size / (max_abs(self.M) or 1.0))
-            measured["unit_free"] = cone_residuals(self.K, x, w, x_scale, max(q_size, max_abs(Mx[felt])))
+            measured["unit_free"] = cone_residuals(self.K, x, w, x_scale, max(q_size, max_abs(Mx[active])))
         return Residuals(
             measured=measured,
             parts={

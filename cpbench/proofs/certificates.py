@@ -193,5 +193,5 @@ def _proved(proof: Proof, margin: float) -> ProofAttempt:
 
 def _narrow(kind: type[Infeasible] | type[Unbounded], margin: float, tolerance: float) -> ProofAttempt:
     """Return what the numbers of the file say, and changes of them below the tolerance do not."""
-    told = kind.narrow.format(share=f"{margin:.1e}")
-    return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", margin)
+    reason = kind.narrow.format(share=f"{margin:.1e}")
+    return ProofAttempt(None, f"{kind.kind} was claimed; {reason}, below the tolerance {tolerance:g}", margin)

@@ -87,9 +87,9 @@ def page(run: Run, given: Mapping[str, Any]) -> str:
 
 def as_html(text: str) -> str:
     """Return Markdown as HTML, each table in a box that scrolls; HTML in it is text."""
-    made = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     box = '<div class="scroll" tabindex="0" role="region" aria-label="Table"><table>'
-    return made.replace("<table>", box).replace("</table>", "</table></div>")
+    return html.replace("<table>", box).replace("</table>", "</table></div>")
 
 
 def _asset(name: str) -> str:

@@ -71,17 +71,17 @@ class Table:
 
 def rendered(template: str, given: Mapping[str, Any], block: str = "") -> str:
     """Return a document made by a template of `report/templates`, or one block of it."""
-    made = environment().get_template(template)
-    parts = made.blocks[block](made.new_context(dict(given))) if block else [made.render(given)]
+    document = environment().get_template(template)
+    parts = document.blocks[block](document.new_context(dict(given))) if block else [document.render(given)]
     return re.sub(r"\n{3,}", "\n\n", "".join(parts)).strip() + "\n"
 
 
 @lru_cache(maxsize=1)
 def environment() -> jinja2.Environment:
     """Return the templates of documents, with what writes names of a results file as text in them."""
-    made = jinja2.Environment(
+    templates = jinja2.Environment(
         loader=jinja2.PackageLoader("cpbench.report"), trim_blocks=True, lstrip_blocks=True, autoescape=False,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    made.filters.update({"plain": plain, "code": code, "counted": counted, "cut": cut, "listed": listed})
-    return made
+    templates.filters.update({"plain": plain, "code": code, "counted": counted, "cut": cut, "listed": listed})
+    return templates

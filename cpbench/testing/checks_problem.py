@@ -92,8 +92,8 @@ def check_the_same_in_another_process(collection: Collection, cases: list[Case])
             env={**os.environ, "PYTHONHASHSEED": seed},
         )
         assert run.returncode == 0, f"cannot be made elsewhere: {(run.stderr.strip().splitlines() or ['?'])[-1]}"
-        there = run.stdout.split("\n")[:-1]
-        assert here == there, f"{_first_difference(here, there)} is another one in another process"
+        again = run.stdout.split("\n")[:-1]
+        assert here == again, f"{_first_difference(here, again)} is another one in another process"
 
 
 def check_data_are_read_only(collection: Collection, cases: list[Case]) -> None:

@@ -298,15 +298,15 @@ def check_tolerances_are_no_looser(solver: Solver, cases: list[Case]) -> None:
     tolerance never loosens one, and that none depends on where a problem starts."""
     only_for(solver.stopping(TOLERANCE) is not None, "adapters, whose packages have tests of their own")
     for problem in (None, *(case.problem for case in cases)):
-        asked = [(tolerance, _stopping(solver, tolerance, problem)) for tolerance in ASKED]
-        for tolerance, one in asked:
+        criteria = [(tolerance, _stopping(solver, tolerance, problem)) for tolerance in ASKED]
+        for tolerance, one in criteria:
             assert one.test, "what the package compares is not said"
             assert one.factor == 1.0 or one.differs, f"factor {one.factor:g}, and not said why"
             assert one.settings.keys() == one.defaults.keys(), f"{[*one.settings]}, defaults {[*one.defaults]}"
             for name, value in one.settings.items():
                 most = min(tolerance, one.defaults[name])
                 assert 0.0 <= value <= most, f"{name} = {value:g} for {tolerance:g}, at most {most:g}"
-        for (_, before), (tolerance, after) in pairwise(asked):
+        for (_, before), (tolerance, after) in pairwise(criteria):
             for name, value in after.settings.items():
                 assert value <= before.settings[name], f"{name} grows where the tolerance falls to {tolerance:g}"
         if problem is not None and hasattr(problem, "start"):

@@ -57,16 +57,16 @@ def write_files(folder: Path, texts: Mapping[str, str], force: bool) -> None:
             raise FormatError(folder / file, "", "exists already; --force replaces it, -o FOLDER writes elsewhere")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as temporary:
             for file, text in texts.items():
-                fresh = Path(place, file)
+                fresh = Path(temporary, file)
                 fresh.parent.mkdir(parents=True, exist_ok=True)
                 fresh.write_text(text, encoding="utf-8")
                 if text.startswith("#!"):
                     fresh.chmod(0o755)
             for file in texts:
                 (folder / file).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(Path(place, file), folder / file)
+                os.replace(Path(temporary, file), folder / file)
     except OSError as cause:
         raise FormatError(folder, "", f"cannot be written ({cause.strerror or cause})") from None
 

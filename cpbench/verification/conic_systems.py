@@ -137,8 +137,11 @@ def nlp(P: Any, point: Any) -> System:
     hessian, curvature = sp.csr_array(P.f.hessian(z, np.ones(1))), _curvature(P, z, lam, mu)
     # a derivative that vanishes at the answer says nothing of units: the larger one counts, here or at the start
     by, start = [curvature, abs(sp.csr_array(sp.vstack([Jg, Jh])))], P.at_start
-    there = [_curvature(P, start, lam, mu), abs(sp.csr_array(sp.vstack([P.g.jacobian(start), P.h.jacobian(start)])))]
-    by = [here.maximum(far) if np.isfinite(far.data).all() else here for here, far in zip(by, there, strict=True)]
+    derivatives = [
+        _curvature(P, start, lam, mu),
+        abs(sp.csr_array(sp.vstack([P.g.jacobian(start), P.h.jacobian(start)]))),
+    ]
+    by = [here.maximum(far) if np.isfinite(far.data).all() else here for here, far in zip(by, derivatives, strict=True)]
     return _with_rows(
         P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
         [RowGroup(Jg, g, g - Jg @ z, lam), RowGroup(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
@@ -217,10 +220,10 @@ def _with_rows(
             caps=vanishing_caps,
         )
 
-    made = kept(P, frame) if straight else frame()
+    system = kept(P, frame) if straight else frame()
     balance = force - A.T @ multipliers
     return System(
-        frame=made,
+        frame=system,
         x=np.concatenate([z, multipliers]),
         f=np.concatenate([balance, values]),
         also=None if nu is None else (balance - nu, block),
@@ -235,14 +238,14 @@ def _curved(F: Any) -> Flags:
 def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vector) -> Vector:
     """Correct the constants of homogeneous rows: of degree 0 the size of their terms, of other degrees 0."""
     at_0 = F(np.zeros_like(z))
-    looks_linear = (constant == 0) & (at_0 != 0)  # no number counts as not 0
-    looks_curved = (constant != 0) & (at_0 == 0)
-    if not (looks_linear | looks_curved).any():
+    linear = (constant == 0) & (at_0 != 0)  # no number counts as not 0
+    curved = (constant != 0) & (at_0 == 0)
+    if not (linear | curved).any():
         return constant
     doubled, terms = F(2.0 * z), abs(slope) @ np.abs(z)
-    result = np.where(looks_linear & (np.abs(doubled - value) <= ROUNDINGS * EPS * terms), terms, constant)
+    result = np.where(linear & (np.abs(doubled - value) <= ROUNDINGS * EPS * terms), terms, constant)
     fraction, degree = np.frexp(np.divide(doubled, value, out=np.ones_like(value), where=value != 0))
-    result[looks_curved & (((fraction == 0.5) & (degree > 1)) | (doubled == value))] = 0.0  # 2ᵈ without rounding
+    result[curved & (((fraction == 0.5) & (degree > 1)) | (doubled == value))] = 0.0  # 2ᵈ without rounding
     return result
 
 

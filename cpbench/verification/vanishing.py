@@ -35,19 +35,19 @@ def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
     best = np.full(value.size, np.inf)
     np.minimum.at(best, row, left)
     sums = np.bincount(row, np.abs(terms), value.size)
-    told = np.abs(value) > np.sqrt(EPS) * sums
-    explained = (left == best[row]) & (left < np.abs(value[row])) & told[row]
+    resolved = np.abs(value) > np.sqrt(EPS) * sums
+    explained = (left == best[row]) & (left < np.abs(value[row])) & resolved[row]
     faint = slope.indices[explained]
     if not faint.size:
         return None
     half, none = z.copy(), z.copy()
     half[faint] *= 0.5
     none[faint] = 0.0
-    here, there, end = (_linearized(F, at) for at in (z, half, none))
-    (entries, constants, shares, share), (_, _, half_shares, half_share) = here, there
+    here, halfway, end = (_linearized(F, at) for at in (z, half, none))
+    (entries, constants, shares, share), (_, _, half_shares, half_share) = here, halfway
     rows = np.zeros(value.size, dtype=bool)
     rows[row[explained]] = True
-    for beside, at in (end[:2], there[:2]):
+    for beside, at in (end[:2], halfway[:2]):
         rows &= np.isfinite(at) & (np.bincount(row, ~np.isfinite(beside), value.size) == 0)
     gone = rows & (end[1] < ROUNDINGS * EPS * constants)
     thin = rows[row] & (np.abs(end[0]) < ROUNDINGS * EPS * np.abs(entries))

@@ -55,10 +55,10 @@ class Smooth:
     def __init__(self, data: Mapping[str, Any], order: Any, sign: Any, shift: Any) -> None:
         n = int(data["F.inputs"][0])
         self.value, self.entries = _batches(data, "F", n), _batches(data, "F.jacobian", n)
-        place = np.argsort(order)
+        position = np.argsort(order)
         self.order, self.sign, self.shift = order, sign, shift
         rows = np.repeat(np.arange(n), np.diff(data["F.jacobian.indptr"]))
-        self.rows, self.columns = place[rows], place[data["F.jacobian.indices"]]
+        self.rows, self.columns = position[rows], position[data["F.jacobian.indices"]]
         self.signs = sign[self.rows] * sign[self.columns]
         self.n, self.evaluations, self.jacobians = n, 0, 0
         self.failure: Exception | None = None

@@ -50,15 +50,15 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: ArrayForm | Non
         elliptic = len(mu) == 2 and mu[1] == 2 and mu[0] > 1
         fits = [d for d in fits if (d.node == "afc") == elliptic]
     form = fits[0] if fits else array_forms.nearest(shapes)
-    there = [name for name in form.known() if name in shapes]
+    given = [name for name in form.known() if name in shapes]
     dropped = absent(form, shapes)
     _require_one_reading(path, fits, shapes.keys() - dropped, only)
     if (wrong := array_forms.refusal(form, shapes.keys() - dropped)) is not None:
         raise FormatError(path, *wrong)
-    text = f"{form.name} ({', '.join(name for name in there if name in form.arrays)})"
+    text = f"{form.name} ({', '.join(name for name in given if name in form.arrays)})"
     if others := [d.name for d in fits[1:]]:
         text += f", which {' and '.join(others)} would fit too"
-    for name in there:
+    for name in given:
         if name in form.aside:
             text += f"; {name}, {form.aside[name]}, is no part of it"
     if form.name == "linprog" and "bounds" not in shapes:

@@ -51,10 +51,10 @@ class FileRows:
         np.add.at(v, self.above, point.lam[m:])
         v[self.equal] = -point.mu
         row, bounds = np.where(point.nu > 0, self.lower_row, self.upper_row), -point.nu
-        made = np.flatnonzero((row >= 0) & (point.nu != 0))
+        nonzero = np.flatnonzero((row >= 0) & (point.nu != 0))
         factor = np.ones(v.size)
         factor[self.single] = self.factor
-        v[row[made]], bounds[made] = bounds[made] / factor[row[made]], 0.0
+        v[row[nonzero]], bounds[nonzero] = bounds[nonzero] / factor[row[nonzero]], 0.0
         result, start = {self.meaning.x: point.z}, 0
         for name, size in self.sizes.items():
             part = bounds if name == "x" else v[start : start + size]
@@ -77,12 +77,12 @@ class FileRows:
             raise PointError(f"{', '.join(unknown)}: expected {', '.join(sorted(names))}")
         values: dict[str, Vector] = {}
         for name, size in self.sizes.items():
-            there = [(sign, dual) for sign, dual in duals.get(name, ()) if dual in arrays]
-            for _, dual in there:
+            duals_of_name = [(sign, dual) for sign, dual in duals.get(name, ()) if dual in arrays]
+            for _, dual in duals_of_name:
                 if arrays[dual].size != size:
                     raise PointError(f"{dual} has {arrays[dual].size} numbers, expected {size}")
-            if there:
-                values[name] = np.sum([sign * arrays[dual] for sign, dual in there], axis=0)
+            if duals_of_name:
+                values[name] = np.sum([sign * arrays[dual] for sign, dual in duals_of_name], axis=0)
             elif name != "x" and size:
                 if len(arrays) == 1:
                     return None

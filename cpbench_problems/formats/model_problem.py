@@ -41,15 +41,15 @@ def problem_of(
 
     Raises FormatError.
     """
-    made = _made(model, path, name, node, convex)
-    properties = dict(made.info.properties)
+    problem = _made(model, path, name, node, convex)
+    properties = dict(problem.info.properties)
     if model.sense == "max":
         properties[SENSE] = "max"
     if names:
-        first = _free(model) if made.node == "mlcp" else np.ones(len(names), bool)
+        first = _free(model) if problem.node == "mlcp" else np.ones(len(names), bool)
         order = [*np.flatnonzero(first).tolist(), *np.flatnonzero(~first).tolist()]
         properties[UNKNOWNS] = [names[k] for k in order]
-    return replace(made, info=replace(made.info, properties=properties))
+    return replace(problem, info=replace(problem.info, properties=properties))
 
 
 def _free(model: Model) -> Any:

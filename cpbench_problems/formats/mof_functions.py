@@ -72,9 +72,9 @@ class Functions:
         number.
         """
         build, number = self.build, list(range(F.inputs))
-        names = {place: name for name, place in F.named.items()}
-        for place, c in enumerate(F.constants.tolist()):
-            name = names.get(place, "")
+        names = {index: name for name, index in F.named.items()}
+        for index, c in enumerate(F.constants.tolist()):
+            name = names.get(index, "")
             number.append(self._column[name] if name in self.parameters else build.constant(c))
         for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
             number.append(build.apply(Operator(head), number[a], number[b] if b >= 0 else -1))

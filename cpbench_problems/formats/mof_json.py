@@ -44,7 +44,7 @@ def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object of a JSON text; raises ValueError where a key stands twice, of which only one could count."""
     result = dict(pairs)
     if len(result) < len(pairs):
-        twin = next(key for place, (key, _) in enumerate(pairs) if key in dict(pairs[:place]))
+        twin = next(key for index, (key, _) in enumerate(pairs) if key in dict(pairs[:index]))
         raise ValueError(f"has the key {shown(twin)} twice")
     return result
 

@@ -23,9 +23,9 @@ class _StandIn:
     state: Any = None
 
     def __new__(cls, *args: Any) -> _StandIn:
-        made = object.__new__(cls)
-        made.args = args
-        return made
+        instance = object.__new__(cls)
+        instance.args = args
+        return instance
 
     def __setstate__(self, state: Any) -> None:
         self.state = state
@@ -52,9 +52,9 @@ def sparse_parts(data: bytes) -> dict[str, Any] | None:
     return None if kind is None else {**parts, "shape": shape, "format": np.array(kind.encode())}
 
 
-def _array(made: Any) -> Any:
+def _array(matrix: Any) -> Any:
     """Return the array that `numpy._reconstruct` and a state stand for; raises what a wrong one leads to."""
-    _, shape, kind, _, data = made.state
+    _, shape, kind, _, data = matrix.state
     (code, *_), order = kind.args, kind.state[1]
     if code not in _NUMBERS or len(shape) != 1:
         raise ValueError(f"{code} of shape {shape}")

@@ -230,7 +230,7 @@ def _squares(arrays: NamedArrays, meaning: Program, blocks: list[RowBlock]) -> M
     lb, ub = _bounds(arrays, "", meaning, n)
     rows, _ = _quadratic(meaning, [_wide(block, n) for block in blocks], lb, ub)
     try:
-        made = least_squares_problem(C, d, rows["lb"], rows["ub"], rows=rows)
+        problem = least_squares_problem(C, d, rows["lb"], rows["ub"], rows=rows)
     except ProblemError as cause:
         raise arrays.error(cause.field.rpartition(".")[2], cause.cause) from None
-    return QP, {**made.data(), "info": made.info}, {}
+    return QP, {**problem.data(), "info": problem.info}, {}

@@ -55,8 +55,8 @@ class _Writer:
         arguments = np.concatenate([F.left, F.right[F.right >= 0], F.outputs])
         self._uses: list[int] = np.bincount(arguments, minlength=self._first + F.operations).tolist()
         self._terms: list[Term] = [*names, *F.constants.tolist(), *[None] * F.operations]
-        for name, place in F.named.items():
-            self._terms[F.inputs + place] = name
+        for name, index in F.named.items():
+            self._terms[F.inputs + index] = name
         self._depth = [0] * (self._first + F.operations + 1)  # the last one is for the argument that is not there
 
     def written(self, members: Iterable[int], ends: Iterable[int]) -> tuple[list[Term], list[Term]]:

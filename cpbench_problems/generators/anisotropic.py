@@ -69,16 +69,16 @@ def _around(name: str, W: Matrix, rng: np.random.Generator) -> Instance:
     mu: Dense = np.asarray(2.0 ** rng.integers(-3, 1, (nc, 2)), dtype=np.float64)
     r, u = np.zeros((nc, 3)), np.zeros((nc, 3))
     for c, state in enumerate(states):
-        way = DIRECTIONS[rng.integers(8)]
+        direction = DIRECTIONS[rng.integers(8)]
         match state:
             case "stick":
-                r[c] = np.r_[8.0, way]
+                r[c] = np.r_[8.0, direction]
             case "slide":
-                r[c], u[c] = np.r_[5.0, way], np.r_[0.0, -way / 4]
+                r[c], u[c] = np.r_[5.0, direction], np.r_[0.0, -direction / 4]
             case "open":
-                u[c] = np.r_[2.0, way / 16]
+                u[c] = np.r_[2.0, direction / 16]
             case _:
-                u[c] = np.r_[0.0, way / 4]
+                u[c] = np.r_[0.0, direction / 4]
     r[:, 1:] *= mu
     u[:, 1:] /= mu
     problem = AnisotropicFrictionContact(W=W, q=u.ravel() - W @ r.ravel(), mu=mu, name=name)

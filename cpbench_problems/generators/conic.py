@@ -93,8 +93,8 @@ def chained(k: int) -> Instance:
     """Build k second-order cones in ℝ³, chained by springs: M = tridiagonal ⊗ I; the solution is inside, at the tip and
     on the boundary by turns."""
     rng = generator(2600 + k)
-    way, size = _ways(rng, k), 2.0 ** rng.integers(-1, 2, k)[:, None]
-    x, w = np.hstack([5.0 * size, way * size]), np.hstack([5.0 * size, -way * size]) / 4.0
+    direction, size = _ways(rng, k), 2.0 ** rng.integers(-1, 2, k)[:, None]
+    x, w = np.hstack([5.0 * size, direction * size]), np.hstack([5.0 * size, -direction * size]) / 4.0
     turn = np.arange(k) % 3
     x[turn == 0, 1:] /= 2.0
     w[turn == 0] = 0.0
@@ -154,24 +154,24 @@ def _factors(rng: np.random.Generator, *, cylinders: bool) -> tuple[ProductCone,
     pairs = [(dyadic(rng, 2, -2, 2), np.zeros(2)), (np.zeros(2), dyadic(rng, 2, -2, 2))]
     pairs.append((np.array([1.5, 0.0, 0.25, 0.0]), np.array([0.0, 2.0, 0.0, 0.0])))
     runs.append((Cone.SECOND_ORDER, 4, 3, MU))
-    way, spin = _ways(rng, 2), _ways(rng, 2)
+    direction, spin = _ways(rng, 2), _ways(rng, 2)
     pairs += [
         (np.array([8.0, 1.0, -2.0]), np.zeros(3)),
         (np.zeros(3), np.array([4.0, 1.0, 2.0])),
-        (np.r_[8.0, way[0]], np.r_[5 * MU, -way[0]] / 4),
+        (np.r_[8.0, direction[0]], np.r_[5 * MU, -direction[0]] / 4),
         (np.zeros(3), np.zeros(3)),
     ]
     runs.append((Cone.ROLLING, 2, 5, MU, MU_R))
     pairs += [
-        (np.r_[8.0, way[1], spin[1] / 2], np.r_[5 * MU + 2.5 * MU_R, -way[1], -spin[1] / 2]),
-        (np.r_[8.0, way[0] / 2, spin[0] / 2], np.r_[5 * MU_R, 0.0, 0.0, -spin[0]]),
+        (np.r_[8.0, direction[1], spin[1] / 2], np.r_[5 * MU + 2.5 * MU_R, -direction[1], -spin[1] / 2]),
+        (np.r_[8.0, direction[0] / 2, spin[0] / 2], np.r_[5 * MU_R, 0.0, 0.0, -spin[0]]),
     ]
     runs.append((Cone.ROLLING_DUAL, 1, 5, MU, MU_R))
-    pairs.append((np.r_[5 * MU + 5 * MU_R, spin[0], way[0]], np.r_[8.0, -spin[0], -way[0] / 2]))
+    pairs.append((np.r_[5 * MU + 5 * MU_R, spin[0], direction[0]], np.r_[8.0, -spin[0], -direction[0] / 2]))
     if cylinders:
         runs.append((Cone.CYLINDER, 2, 3, RADIUS))
         pairs += [
-            (np.r_[2.0, way[1]], np.r_[0.0, -way[1] / 2]),
+            (np.r_[2.0, direction[1]], np.r_[0.0, -direction[1] / 2]),
             (np.array([0.0, 1.0, -1.0]), np.array([0.5, 0.0, 0.0])),
         ]
     s, y = (np.concatenate(part) for part in zip(*pairs, strict=True))

@@ -33,7 +33,7 @@ def bars_of(across: int, up: int) -> sp.csr_array:
     Column of a bar from joint p to q: (q − p) at q and (p − q) at p.
     """
     number = np.arange((across + 1) * (up + 1)).reshape(across + 1, up + 1)
-    place = np.column_stack(
+    position = np.column_stack(
         [np.repeat(np.arange(across + 1), up + 1) * 3.0, np.tile(np.arange(up + 1), across + 1) * 4.0]
     )
     ends = np.vstack([
@@ -42,13 +42,13 @@ def bars_of(across: int, up: int) -> sp.csr_array:
         np.column_stack([number[:-1, :-1].ravel(), number[1:, 1:].ravel()]),
         np.column_stack([number[:-1, 1:].ravel(), number[1:, :-1].ravel()]),
     ])  # fmt: skip
-    way = place[ends[:, 1]] - place[ends[:, 0]]
+    along = position[ends[:, 1]] - position[ends[:, 0]]
     rows, columns, values = [], [], []
     for side, sign in ((0, -1.0), (1, 1.0)):
         for axis in (0, 1):
             rows.append(2 * ends[:, side] + axis)
             columns.append(np.arange(len(ends)))
-            values.append(sign * way[:, axis])
+            values.append(sign * along[:, axis])
     B = sp.csr_array(
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(2 * number.size, len(ends))
     )

@@ -116,13 +116,13 @@ def _contacts(rng: np.random.Generator, states: Sequence[str]) -> tuple[Dense, D
     """Return r and u, shape (nc, 5) each, of contacts in these states, μ = 5/8, μ_r = 5/16."""
     r, u = np.zeros((len(states), 5)), np.zeros((len(states), 5))
     for c, state in enumerate(states):
-        way, spin = DIRECTIONS[rng.integers(8, size=2)]
+        direction, spin = DIRECTIONS[rng.integers(8, size=2)]
         if state == "open":
-            u[c] = np.r_[2.0, way / 16, spin / 16]
+            u[c] = np.r_[2.0, direction / 16, spin / 16]
             continue
         slides, rolls = state in ("slide", "both"), state in ("roll", "both")
-        r[c] = np.r_[8.0, way * (1.0 if slides else 0.5), spin * (0.5 if rolls else 0.25)]
-        u[c] = np.r_[0.0, -way * slides / 4, -spin * rolls / 8]
+        r[c] = np.r_[8.0, direction * (1.0 if slides else 0.5), spin * (0.5 if rolls else 0.25)]
+        u[c] = np.r_[0.0, -direction * slides / 4, -spin * rolls / 8]
     return r, u
 
 

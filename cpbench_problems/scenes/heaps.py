@@ -42,9 +42,9 @@ def spheres(choices: Choices) -> BodyScene:
 def trough(choices: Choices) -> BodyScene:
     """Build sections across the trough, each a triangle of three balls that touch its sides and one another."""
     rng = generator(choices.seed)
-    section, place = np.divmod(np.arange(choices.size), 3)
-    height = np.array([2.0, 2.0 + math.sqrt(3.0), 2.0 + math.sqrt(3.0)])[place] * RADIUS
-    across = np.array([0.0, -1.0, 1.0])[place] * RADIUS
+    section, column = np.divmod(np.arange(choices.size), 3)
+    height = np.array([2.0, 2.0 + math.sqrt(3.0), 2.0 + math.sqrt(3.0)])[column] * RADIUS
+    across = np.array([0.0, -1.0, 1.0])[column] * RADIUS
     x = np.stack([across, 2.0 * RADIUS * section, height], axis=1)
     half = math.radians(30.0)
     sides = Planes(np.array([[math.cos(half), 0, math.sin(half)], [-math.cos(half), 0, math.sin(half)]]), np.zeros(2))
@@ -82,9 +82,9 @@ def clusters(choices: Choices) -> BodyScene:
     base = 2.0 * RADIUS / math.sqrt(3.0)
     angle = rng.random(choices.size)[:, None] * 2.0 * math.pi + np.arange(3) * 2.0 * math.pi / 3.0
     side = math.ceil(math.sqrt(choices.size))
-    place = np.stack(np.divmod(np.arange(choices.size), side), axis=1)
+    cell = np.stack(np.divmod(np.arange(choices.size), side), axis=1)
     x = np.zeros((choices.size, 4, 3))
-    x[:, :, :2] = place[:, None, :]
+    x[:, :, :2] = cell[:, None, :]
     x[:, :3, 0] += base * np.cos(angle)
     x[:, :3, 1] += base * np.sin(angle)
     x[:, :, 2] = RADIUS
@@ -95,8 +95,8 @@ def clusters(choices: Choices) -> BodyScene:
 def _layers(count: int, along: int, across: int, pitch: float, rng: np.random.Generator) -> Dense:
     """Return centres of `count` balls in layers of a square grid, every second one set off by half a cell and each ball
     by up to 1/50."""
-    place = np.arange(count)
-    layer, in_layer = np.divmod(place, along * across)
+    number = np.arange(count)
+    layer, in_layer = np.divmod(number, along * across)
     grid = np.stack([*np.divmod(in_layer, across), layer], axis=1).astype(np.float64)
     grid[:, :2] += 0.5 * (layer % 2)[:, None]
     x = pitch * grid * [1.0, 1.0, 0.8]

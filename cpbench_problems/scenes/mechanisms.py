@@ -51,9 +51,9 @@ def chain(choices: Choices) -> BodyScene:
     force = bodies.weight.copy()
     force[0, 2] += PULL * GRAVITY * min(float(mass.sum()), float(mass[:4].sum()))
     ends = np.repeat(np.arange(n), 2)
-    place = np.zeros((2 * n, 3))
-    place[:, 0] = np.tile([-0.5 * LINK + THICKNESS, 0.5 * LINK - THICKNESS], n)
-    balls = Balls(ends, place, np.full(2 * n, THICKNESS / 2))
+    position = np.zeros((2 * n, 3))
+    position[:, 0] = np.tile([-0.5 * LINK + THICKNESS, 0.5 * LINK - THICKNESS], n)
+    balls = Balls(ends, position, np.full(2 * n, THICKNESS / 2))
 
     def hold(state: BodyState) -> tuple[sp.csr_array, Vector]:
         """Let the end of each link stay where the next begins; what is apart closes within the step."""

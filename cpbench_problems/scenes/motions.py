@@ -68,8 +68,8 @@ def incline() -> Motion:
     """
     seconds, slope = 2.0, math.atan(0.5)
     scene = _block("incline", np.array([math.sin(slope), 0.0, -math.cos(slope)]), 0.0)
-    way = 0.5 * GRAVITY * (math.sin(slope) - MU * math.cos(slope)) * seconds**2
-    return _along_x(scene, seconds, "½ g (sin α − μ cos α) t²", way)
+    distance = 0.5 * GRAVITY * (math.sin(slope) - MU * math.cos(slope)) * seconds**2
+    return _along_x(scene, seconds, "½ g (sin α − μ cos α) t²", distance)
 
 
 def sliding_to_rest() -> Motion:
@@ -169,9 +169,9 @@ def capstan() -> Motion:
 MOTIONS: tuple[Callable[[], Motion], ...] = (incline, sliding_to_rest, backspin, row_of_spheres, capstan)
 
 
-def _along_x(scene: BodyScene, seconds: float, formula: str, way: float) -> Motion:
+def _along_x(scene: BodyScene, seconds: float, formula: str, distance: float) -> Motion:
     """Return the motion of a single body, whose way along x has a closed form and which does nothing else."""
-    exact = scene.start.x[0] + np.array([way, 0.0, 0.0])
+    exact = scene.start.x[0] + np.array([distance, 0.0, 0.0])
     return Motion(scene, round(seconds / DT), formula, lambda state: state.x[0], exact)
 
 

@@ -111,13 +111,13 @@ def pads_touch(pads: Pads, start: BodyState) -> Callable[[BodyState], Touching]:
     """Return the contacts of pads on their faces; the id of a contact is the number of its pad."""
     x, R = _with_ground(start)
     own, of = pads.owner, pads.other
-    place = np.einsum("cji,cj->ci", R[own], pads.point - x[own])
+    offset = np.einsum("cji,cj->ci", R[own], pads.point - x[own])
     origin = np.einsum("cji,cj->ci", R[of], pads.centre - x[of])
     axes = pads.frame @ R[of]
 
     def touch(state: BodyState) -> Touching:
         x, R = _with_ground(state)
-        point = x[own] + np.einsum("cij,cj->ci", R[own], place)
+        point = x[own] + np.einsum("cij,cj->ci", R[own], offset)
         frame = axes @ R[of].transpose(0, 2, 1)
         apart = point - x[of] - np.einsum("cij,cj->ci", R[of], origin)
         along = np.einsum("cij,cj->ci", frame, apart)

@@ -41,8 +41,8 @@ class _NewtonOnBox(NaturalMapNewton):
         n = problem.q.size
         d = equilibrate(problem.M, np.arange(n))
         # what is fixed takes any force, and a large one must not set a scale
-        felt = d * np.where(problem.moving, problem.q, 0.0)
-        forces = max_abs(felt) or 1.0
+        weighed = d * np.where(problem.moving, problem.q, 0.0)
+        forces = max_abs(weighed) or 1.0
         # bounds much nearer than the z that balances q are the better unit, as in `Relay.z_unit`
         width = max_abs(((problem.ub - problem.lb) / d)[problem.moving])
         size = min(forces, width) if width > 0 else forces
@@ -54,7 +54,7 @@ class _NewtonOnBox(NaturalMapNewton):
 
         vi = AffineVI(
             M=congruent(problem.M, d) * (size / forces),
-            q=felt / forces,
+            q=weighed / forces,
             project=lambda z: project_box(z, lower, upper),
             jacobian=lambda z: box_jacobian(z, lower, upper),
             answer=answer,

@@ -148,11 +148,11 @@ def _from_start(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_],
     """Return the unknowns between bounds and the rows with a force at the start, as far as they are independent."""
     z, lam, mu = prepared.parts
     x, rows = prepared.unknowns(start), prepared.polyhedron()
-    felt = x[lam] > ACTIVE * (1.0 + max_abs(x[lam]))
-    C, d = np.vstack([rows.C, rows.A[felt]]), np.concatenate([rows.d, rows.b[felt]])
-    N, _, E = replace(rows, A=rows.A[~felt], b=rows.b[~felt], C=C, d=d).basis(x[z])
-    inside, pushed = np.zeros(x.size, dtype=bool), np.zeros(felt.size, dtype=bool)
-    pushed[felt] = E[rows.d.size :]
+    active = x[lam] > ACTIVE * (1.0 + max_abs(x[lam]))
+    C, d = np.vstack([rows.C, rows.A[active]]), np.concatenate([rows.d, rows.b[active]])
+    N, _, E = replace(rows, A=rows.A[~active], b=rows.b[~active], C=C, d=d).basis(x[z])
+    inside, pushed = np.zeros(x.size, dtype=bool), np.zeros(active.size, dtype=bool)
+    pushed[active] = E[rows.d.size :]
     inside[z], inside[lam], inside[mu] = N, pushed, E[: rows.d.size]
     return inside, x
 

@@ -89,20 +89,20 @@ class ScaledPolyhedron:
             active = self.A @ z - self.b <= ACTIVE * (1.0 + max_abs(z))
             N &= (z - self.lb > 0.0) & (self.ub - z > 0.0)
             held = np.vstack([self.C[np.ix_(E, N)], self.A[np.ix_(active, N)]])
-            ways = np.eye(z.size)[:, N] @ _null_space(held[_independent(held.T)])
-            felt = np.vstack([self.A, bounded]) @ ways
-            if max_abs(felt) <= RANK * top:
+            directions = np.eye(z.size)[:, N] @ _null_space(held[_independent(held.T)])
+            changes = np.vstack([self.A, bounded]) @ directions
+            if max_abs(changes) <= RANK * top:
                 return z
-            way = ways @ felt[int(np.abs(felt).max(axis=1).argmax())]
-            forth, back = self._room(z, way), self._room(z, -way)
-            z = np.clip(z + (forth if forth <= back else -back) * way, self.lb, self.ub)
+            direction = directions @ changes[int(np.abs(changes).max(axis=1).argmax())]
+            forth, back = self._room(z, direction), self._room(z, -direction)
+            z = np.clip(z + (forth if forth <= back else -back) * direction, self.lb, self.ub)
         return z
 
-    def _room(self, z: Vector, way: Vector) -> float:
+    def _room(self, z: Vector, direction: Vector) -> float:
         """Return how far z can go: to the first bound or row, ∞ without one."""
-        speed = np.concatenate([way, -way, -(self.A @ way)])
+        speed = np.concatenate([direction, -direction, -(self.A @ direction)])
         room = np.concatenate([self.ub - z, z - self.lb, self.A @ z - self.b])
-        ahead = speed > RANK * max_abs(way)
+        ahead = speed > RANK * max_abs(direction)
         return float((np.maximum(room[ahead], 0.0) / speed[ahead]).min(initial=np.inf))
 
     def basis(self, z: Vector) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:

@@ -148,8 +148,8 @@ class GroupScaling:
             row.append(np.repeat(rows, size, axis=1).ravel())
             column.append(np.tile(rows, (1, size)).ravel())
             value.append(blocks.ravel())
-        place = (np.concatenate(row), np.concatenate(column))
-        return sp.csr_array((np.concatenate(value), place), shape=(self.cones.rows, self.cones.rows))
+        entries = (np.concatenate(row), np.concatenate(column))
+        return sp.csr_array((np.concatenate(value), entries), shape=(self.cones.rows, self.cones.rows))
 
 
 def _length(x: Dense) -> Vector:

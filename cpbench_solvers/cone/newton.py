@@ -45,8 +45,8 @@ class NewtonCone(NaturalMapNewton):
         K = problem.K
         d = equilibrate(problem.M, K.blocks)
         # where K is {0}, F does not depend on q, and a large force there must not set a scale
-        felt = d * np.where(K.extended, problem.q, 0.0)
-        size = max_abs(felt) or 1.0
+        weighed = d * np.where(K.extended, problem.q, 0.0)
+        size = max_abs(weighed) or 1.0
         unit = size * d
 
         error = judged(problem, budget.tolerance)
@@ -56,7 +56,7 @@ class NewtonCone(NaturalMapNewton):
 
         vi = AffineVI(
             M=congruent(problem.M, d),
-            q=felt / size,
+            q=weighed / size,
             project=K.project,
             jacobian=lambda x: projection_jacobian(K, x),
             answer=answer,

@@ -141,8 +141,8 @@ def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicFor
     K = problem.K
     D = equilibrate(problem.M, K.blocks)
     # where K is {0} a large force must not set a scale
-    felt = D * np.where(K.extended, problem.q, 0.0)
-    size = max_abs(felt) or 1.0
+    weighed = D * np.where(K.extended, problem.q, 0.0)
+    size = max_abs(weighed) or 1.0
     unit = size * D
 
     def start(point: SOCLCPPoint) -> tuple[Vector, Vector]:
@@ -151,9 +151,9 @@ def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicFor
     return ConicForm(
         problem=problem,
         M=congruent(problem.M, D),
-        p=felt / size,
-        A=matrices.identity(felt.size, problem.M),
-        b=np.zeros(felt.size),
+        p=weighed / size,
+        A=matrices.identity(weighed.size, problem.M),
+        b=np.zeros(weighed.size),
         K=K,
         answer=lambda x, s, y: SOCLCPPoint(x=unit * s),
         start=start,

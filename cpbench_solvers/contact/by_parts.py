@@ -68,12 +68,12 @@ class SolverByParts(PartSolver):
             rows = np.arange(problem.q.size)
             return ContactPart.of(rows, problem, self.prepare(problem, budget, options))
         label = labels_of(parts, problem.nc)
-        place = np.empty(problem.nc, np.int64)
+        position = np.empty(problem.nc, np.int64)
 
         def make(contacts: Index) -> ContactPart:
             rows = rows_of(contacts, problem.dimension)
-            place[contacts] = np.arange(contacts.size)
-            part = part_of(problem, contacts, rows, place)
+            position[contacts] = np.arange(contacts.size)
+            part = part_of(problem, contacts, rows, position)
             return ContactPart.of(rows, part, self.prepare(part, budget, options))
 
         whole = MeasuredParts(rows_of_blocks(problem), label, len(parts))

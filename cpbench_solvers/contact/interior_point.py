@@ -125,7 +125,7 @@ class _SparseMatrix:
     """W by columns, with all entries of its diagonal blocks, and where these lie in its data: `place` (nc, d, d)."""
 
     W: sp.csc_array
-    place: NDArray[np.int64]
+    position: NDArray[np.int64]
 
     @classmethod
     def of(cls, W: Matrix, nc: int, d: int) -> _SparseMatrix:
@@ -138,14 +138,14 @@ class _SparseMatrix:
         csc.sum_duplicates()
         row, column = csc.indices, np.repeat(np.arange(nc * d), np.diff(csc.indptr))
         inside = np.flatnonzero(row // d == column // d)
-        place = np.empty((nc, d, d), np.int64)
-        place[row[inside] // d, row[inside] % d, column[inside] % d] = inside
-        return cls(csc, place)
+        position = np.empty((nc, d, d), np.int64)
+        position[row[inside] // d, row[inside] % d, column[inside] % d] = inside
+        return cls(csc, position)
 
     def factors(self, blocks: Dense) -> Solve | None:
         """Return what solves with W + blocks, None where that is singular."""
         data = self.W.data.copy()
-        data[self.place] += blocks
+        data[self.position] += blocks
         lu = sparse_lu(
             sp.csc_array((data, self.W.indices, self.W.indptr), shape=self.W.shape), symmetric_structure=True
         )

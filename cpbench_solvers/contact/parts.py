@@ -218,7 +218,7 @@ def rows_of(contacts: Index, d: int) -> Index:
     return (d * contacts[:, None] + np.arange(d)).ravel()
 
 
-def part_of(problem: Contact, contacts: Index, rows: Index, place: Index) -> Contact:
+def part_of(problem: Contact, contacts: Index, rows: Index, position: Index) -> Contact:
     """Return the part with these contacts as a problem; `place` : of the contacts in it."""
     W, d = problem.W, problem.dimension
     if isinstance(W, np.ndarray):
@@ -230,7 +230,7 @@ def part_of(problem: Contact, contacts: Index, rows: Index, place: Index) -> Con
         at = np.arange(start[-1]) + np.repeat(W.indptr[rows] - start[:-1], lengths)
         some = W.data[at] != 0.0  # all of them are in columns of the part
         at, row = at[some], np.repeat(np.arange(rows.size), lengths)[some]
-        column = d * place[W.indices[at] // d] + W.indices[at] % d
+        column = d * position[W.indices[at] // d] + W.indices[at] % d
         if rows.size <= DENSE:
             block = np.zeros((rows.size, rows.size))
             block[row, column] = W.data[at]

@@ -186,8 +186,8 @@ def _motion(problem: QVI, x: Vector, z: Vector, lb: Vector, ub: Vector) -> Spars
             left = (length > mu * np.maximum(normal, 0.0)) & (normal > 0)
             slope = np.where(left, mu / np.where(left, length, 1.0), 0.0)[:, None] * part
             columns = np.repeat(rows[:, :1], part.shape[1], axis=1)
-            place = (rows[:, 1:].ravel(), columns.ravel())
-            result = result + sp.csr_array((slope.ravel(), place), shape=(n, n))
+            entries = (rows[:, 1:].ravel(), columns.ravel())
+            result = result + sp.csr_array((slope.ravel(), entries), shape=(n, n))
     return sp.csr_array(result)
 
 

@@ -88,8 +88,8 @@ class _System(VIConditions):
         slope = self.derivative(x)
         if slope is None or not x.size:
             return error
-        felt = abs(slope).max(axis=0).toarray().ravel() * np.abs(x) >= LEAST
-        return error if felt.all() or np.isfinite(self.F(np.where(felt, x, 0.0))).all() else math.inf
+        active = abs(slope).max(axis=0).toarray().ravel() * np.abs(x) >= LEAST
+        return error if active.all() or np.isfinite(self.F(np.where(active, x, 0.0))).all() else math.inf
 
     def point(self, x: Vector) -> EquationPoint:
         return EquationPoint(x)

@@ -118,9 +118,9 @@ class Field:
             return 1.0
         length = PROBE * max(norm(z), 1.0) / size
         for near in (self.project(z - length * F, z), z - length * F):
-            way, change = norm(near - z), norm(self.F(near) - F)
-            if way > 0 and 0 < change < math.inf:
-                return way / change
+            distance, change = norm(near - z), norm(self.F(near) - F)
+            if distance > 0 and 0 < change < math.inf:
+                return distance / change
         return 1.0
 
 
@@ -254,10 +254,10 @@ def _beginning(field: Field, start: Vector) -> tuple[Vector, Vector] | None:
 
 def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
     """Return ‖F(near) − F(z)‖/‖near − z‖: 0 for equal points, ∞ where F(near) is no number."""
-    way, change = norm(near - z), norm(F_near - F)
+    distance, change = norm(near - z), norm(F_near - F)
     if not math.isfinite(change):
         return math.inf
-    return change / way if way > 0 else 0.0
+    return change / distance if distance > 0 else 0.0
 
 
 projection_spec = partial(SolverSpec, node="vi", method="projection", traits=ITERATIVE)

@@ -45,8 +45,8 @@ class Meter:
         A program that holds each problem in a child has the same number at every solve; one that leaves a process
         behind for every problem has more at the second.
         """
-        there = len(self.helpers) if self._there is None else self._there
-        return max(guard.count_below(os.getpid()) - there, 0) if guard.has_children() else 0
+        count = len(self.helpers) if self._there is None else self._there
+        return max(guard.count_below(os.getpid()) - count, 0) if guard.has_children() else 0
 
     def cpu(self) -> float:
         """Return the CPU seconds of this process and its helpers, and of processes that they have waited for."""
