@@ -1,4 +1,10 @@
-"""Automatic choice: solvers of one node asked in an order that facts of the problem decide, until one solves it."""
+"""Automatic choice: solvers of one formulation in turns whose lengths double, in an order that facts decide.
+
+With k members in play the work is at most about 2k times that of the best one, whatever the problem: where that needs
+the work w, each other one has had at most 2w (twice that where it cannot go on from its last point). Usually the first
+member is done in its first turn. Work is counted in iterations, not timed: a busy machine takes the same way.
+Restarts of this kind: Luby, Sinclair and Zuckerman 1993, Inf. Process. Lett. 47:173.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, ClassVar, NamedTuple
 
 from cpbench.formulations.base import Problem
@@ -26,22 +32,46 @@ from cpbench_solvers.traits import ITERATIVE
 
 WORTH = 1.0
 """A scaled error is about 1 at zero: an answer beyond that is not a start for the next solver."""
+NEARER = 0.1
+"""A member goes on from where it was, unless another one has come to this share of its error (docs/decisions/0131)."""
+FINER = 0.1
+"""Of the tolerance, asked for on a problem of another formulation, whose measure is another one."""
+FIRST_TURN = {
+    **dict.fromkeys(("semismooth Newton", "Newton with pivoting", "Josephy-Newton"), 50),
+    **dict.fromkeys(("projection", "operator splitting"), 1_000),
+    **{"splitting": 2_000, "enumeration": 4_000},
+}
+"""Iterations in the first turn by kind of method: about equal in work, and as many as most take where they succeed.
+Methods of other kinds (pivoting, interior points, active sets) end by themselves."""
+
+
+class Neighbour(NamedTuple):
+    """The same problem in another formulation. `lift` brings a point of it back, `push` brings one there."""
+
+    problem: Problem
+    lift: Callable[[Any], Any]
+    push: Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
 class SolverPhase:
-    """One phase of the automatic choice. `solver` : a registered one of the node. `iterations` : the most that it
-    may make, None for its own limit. `options` : those that differ from its own."""
+    """A member. `solver` : a registered one. `iterations` : in its first turn, None for those of its kind. `options` :
+    those that differ from its own. `via` : the way to its formulation, where that is another one."""
 
     solver: str
     iterations: int | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    via: Callable[[Any], Neighbour] | None = None
+
+    @property
+    def turn(self) -> int | None:
+        """Iterations in its first turn, None where it goes on to its own end."""
+        return self.iterations or FIRST_TURN.get(solvers.get(self.solver).spec.method)
 
 
 class Plan(NamedTuple):
-    """Prepared problem of the automatic choice. `first` : what the first solver's own `setup` has made of the
-    problem, None where it does not take it; it has its `options`. `solver` : the first one, where it may go on to its
-    own limit before anything else is prepared."""
+    """Prepared problem. `first` : what the first solver's own `setup` has made of it, None where it does not take it.
+    `options` : of that solver. `solver` : that one, where it may go on to its own end before others are prepared."""
 
     problem: Problem
     phases: tuple[SolverPhase, ...]
@@ -52,11 +82,7 @@ class Plan(NamedTuple):
 
 class AutomaticChoice(Solver):
     """Base of a choice that ends with the first solver that solves the problem, or certifies that nothing does; the
-    message tells of all.
-
-    A start that is a solution already is the answer. The next solver starts from the best answer so far, where it
-    takes a start and the answer is better than nothing.
-    """
+    message tells of all. A start that is a solution already is the answer."""
 
     members: ClassVar[tuple[str, ...]]
     """Every solver that `phases` may name."""
@@ -66,40 +92,36 @@ class AutomaticChoice(Solver):
         return problem.residuals(point, tolerance).error
 
     def phases(self, problem: Any) -> Sequence[SolverPhase]:
-        """Return the solvers to try, in this order, from facts that cost less than solving; pure. Here: all members."""
+        """Return the members in play in their order, from facts that cost less than solving; pure. Here: all."""
         return [SolverPhase(name) for name in self.members]
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
         solver = solvers.get(phases[0].solver)
-        if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
+        if not any(problem.point_sizes.values()) or phases[0].via or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
-        given = phases[0].options
-        own = solver.spec.options(**given) if given else _default(solver.spec.options)
+        own = _options(solver, phases[0].options)
         first = solver.setup(solver.hand_over(problem), budget, own)
-        return Plan(problem, phases, first, own, solver if phases[0].iterations is None else None)
+        return Plan(problem, phases, first, own, solver if phases[0].turn is None else None)
 
     def solve(
         self, prepared: Plan, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
-        deadline, phases, solver = budget.deadline(), prepared.phases, prepared.solver
+        deadline, solver, output = budget.deadline(), prepared.solver, None
         # most problems end with the first solver, many in less time than it takes to prepare for more
         if solver is not None and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
             if output.claim is Claim.SOLVED and output.point is not None:
-                counters = output.counters
-                counters = {"iterations": 0, **counters, "solvers": counters.get("solvers", 0) + 1}
-                return solved(output.point, counters, f"{phases[0].solver}: solved")
-            run = _Run(prepared, self.error, budget, start, record, deadline)
-            run.take(phases[0], solver, output)
-            phases = phases[1:]
-        else:
-            run = _Run(prepared, self.error, budget, start, record, deadline)
-        for phase in phases:
-            if run.over:
-                break
-            run.ask(phase)
+                counters = {"iterations": 0, **output.counters, "solvers": output.counters.get("solvers", 0) + 1}
+                return solved(output.point, counters, f"{prepared.phases[0].solver}: solved")
+        run = _Run(self, prepared, budget, start, record, deadline)
+        if output is not None:
+            run.take(run.seats.pop(0), output)
         return run.concluded()
+
+
+def _options(solver: Solver, given: Mapping[str, Any]) -> Any:
+    return solver.spec.options(**given) if given else _default(solver.spec.options)
 
 
 @cache
@@ -125,29 +147,58 @@ class LastNumber:
         self.number = number
 
 
+class _Seat:
+    """A member in play: what its `setup` has made of the problem, the most iterations of its next turn, and where it
+    was at the end of its last one, with the least error that it came to."""
+
+    def __init__(self, phase: SolverPhase, problem: Problem) -> None:
+        self.phase, self.solver, self.turn, self._problem = phase, solvers.get(phase.solver), phase.turn, problem
+        self.prepared = self.options = self.point = None
+        self.level = math.inf
+
+    @cached_property
+    def neighbour(self) -> Neighbour:
+        """The problem that the solver is asked, made once its turn comes."""
+        return self.phase.via(self._problem) if self.phase.via else Neighbour(self._problem, _same, _same)
+
+    def run(self, budget: Budget, start: Any, record: Record | None) -> SolverOutput:
+        """Run the solver on its own problem; its answer is one of ours."""
+        solver, (problem, lift, push) = self.solver, self.neighbour
+        if lift is not _same:
+            budget = replace(budget, tolerance=FINER * budget.tolerance)
+        if self.prepared is None:
+            deadline, self.options = budget.deadline(), _options(solver, self.phase.options)
+            self.prepared = solver.setup(solver.hand_over(problem), budget, self.options)
+            budget = budget if math.isinf(budget.seconds) else budget.left(deadline)
+        begin = None if start is None else push(start)
+        passing = None if record is None else lambda done, error, point: record(done, error, lambda: lift(point()))
+        output = solver.collect(solver.solve(self.prepared, budget, self.options, begin, passing))
+        return output if output.point is None or lift is _same else replace(output, point=lift(output.point))
+
+
+def _same(point: Any) -> Any:
+    return point
+
+
 class _Run:
-    """State of the phases."""
+    """State of the turns."""
 
     def __init__(
-        self,
-        plan: Plan,
-        error: Callable[[Any, Any, float], float],
-        budget: Budget,
-        start: Any | None,
-        record: Record | None,
-        deadline: float,
+        self, choice: AutomaticChoice, plan: Plan, budget: Budget, start: Any, record: Record | None, deadline: float
     ) -> None:
-        problem, self._error_of = plan.problem, error
-        self._plan, self._problem, self._budget, self._record = plan, problem, budget, record
+        problem, self._error_of = plan.problem, choice.error
+        self._problem, self._budget, self._record = problem, budget, record
         if start is None and not any(problem.point_sizes.values()):
             start = problem.zero_point()  # nothing is to be found, which some solvers do not take
         self._deadline = deadline
         self._best, self._error = start, math.inf if start is None else self._measured(start)
         self._iterations, self._recorded = 0, -1
-        self._messages: list[str] = []
+        self._messages: dict[str, str] = {}
         self._counters: dict[str, int] = {"iterations": 0, "solvers": 0}
         self._ended: SolverOutput | None = None
         self._last = Claim.FAILED
+        self.seats = [_Seat(phase, problem) for phase in plan.phases]
+        self.seats[0].prepared, self.seats[0].options = plan.first, plan.options
         if self._error <= budget.tolerance:
             if record is not None:
                 record(0, self._error, lambda: start)
@@ -160,64 +211,66 @@ class _Run:
         spent = budget.iterations is not None and self._iterations >= budget.iterations
         return self._ended is not None or spent or time.perf_counter() > self._deadline
 
-    def ask(self, phase: SolverPhase) -> None:
-        """Run one solver, as far as its phase and the budget allow."""
-        # `setup` has warmed up the first
-        solver = solvers.get(phase.solver)
-        share = self._share(phase)
-        takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
-        start, record = self._best if takes else None, self._recorder()
-        if phase is self._plan.phases[0] and self._plan.first is not None:
-            output = solver.collect(solver.solve(self._plan.first, share, self._plan.options, start, record))
-        elif (why := solver.obstacle(self._problem)) is None:
-            output = solver.run(self._problem, share, solver.spec.options(**phase.options), start, record)
-        else:
-            self._messages.append(f"{phase.solver}: {why}")
-            return
-        self.take(phase, solver, output)
+    def _ask(self, seat: _Seat) -> bool:
+        """Give a member its turn; return whether it may have another one."""
+        if seat.prepared is None and (why := seat.solver.obstacle(seat.neighbour.problem)) is not None:
+            self._messages[seat.phase.solver] = f"{seat.phase.solver}: {why}"
+            return False
+        start = None
+        if Trait.WARM_START in seat.solver.spec.traits:
+            near = self._error < WORTH and (seat.point is None or self._error <= NEARER * seat.level)
+            start = self._best if near else seat.point
+        share = self._share(seat)
+        output = seat.run(share, start, self._recorder())
+        self.take(seat, output)
+        made, seat.turn = output.counters.get("iterations", 0), None if seat.turn is None else 2 * seat.turn
+        return output.claim is Claim.MAX_ITER and share.iterations is not None and made >= share.iterations
 
-    def take(self, phase: SolverPhase, solver: Solver, output: SolverOutput) -> None:
-        """Take what a solver came to."""
-        self._count(output)
-        if solver.origin != "native":  # what others claim is measured
-            self._keep(phase.solver, output)
+    def take(self, seat: _Seat, output: SolverOutput) -> None:
+        """Take what a turn came to."""
+        name, solver = seat.phase.solver, seat.solver
+        self._count(name, output)
+        if solver.origin != "native" or (seat.phase.via and output.certificate is None):
+            self._keep(seat, output)  # what others claim, or what is claimed of another problem, is measured
         elif output.claim is Claim.SOLVED and output.point is not None:
-            self._messages.append(f"{phase.solver}: solved")
+            self._messages[name] = f"{name}: solved"
             self._end(output, recorded=Trait.HISTORY in solver.spec.traits)
         elif output.certificate is not None:
-            self._messages.append(f"{phase.solver}: {output.claim}, with a certificate")
-            self._ended = output
+            self._messages[name] = f"{name}: {output.claim}, with a certificate"
+            # of the problem that the member was asked; the claim is true of both
+            self._ended = output if seat.phase.via is None else replace(output, certificate=None)
         else:
-            self._keep(phase.solver, output)
+            self._keep(seat, output)
 
     def concluded(self) -> SolverOutput:
-        """Return the answer that solves it, the certificate that none does, or the best that was found."""
-        if self._ended is not None:
-            message = "; ".join(self._messages) or self._ended.message
-            return replace(self._ended, counters=self._counters, message=message, reported=None)  # by one of several
+        """Take turns; return the answer that solves it, the certificate that none does, or the best that was found."""
+        while self.seats and not self.over:
+            self.seats = [seat for seat in self.seats if not self.over and self._ask(seat)]
+        if (ended := self._ended) is not None:  # by one of several, whose time is not that of all
+            message = "; ".join(self._messages.values()) or ended.message
+            return replace(ended, counters=self._counters, message=message, reported=None)
         best = [f"best error {self._error:.1e}"] if math.isfinite(self._error) else []
-        messages = "; ".join([*self._messages, *best]) or "no solver was asked within the limits"
+        messages = "; ".join([*self._messages.values(), *best]) or "no solver was asked within the limits"
         return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=messages)
 
-    def _share(self, phase: SolverPhase) -> Budget:
-        budget, most = self._budget, phase.iterations
+    def _share(self, seat: _Seat) -> Budget:
+        budget, most = self._budget, seat.turn
         if budget.iterations is not None:
             left = budget.iterations - self._iterations
             most = left if most is None else min(most, left)
-        if most == budget.iterations and math.isinf(budget.seconds):
-            return budget
-        return replace(budget.left(self._deadline), iterations=most)
+        return replace(budget if math.isinf(budget.seconds) else budget.left(self._deadline), iterations=most)
 
-    def _count(self, output: SolverOutput) -> None:
+    def _count(self, name: str, output: SolverOutput) -> None:
         self._iterations += max(output.counters.get("iterations", 1), 1)
-        self._counters["solvers"] += 1
-        for name, value in output.counters.items():
-            self._counters[name] = self._counters.get(name, 0) + value
+        self._counters["solvers"] += name not in self._messages
+        for key, value in output.counters.items():
+            self._counters[key] = self._counters.get(key, 0) + value
 
-    def _keep(self, name: str, output: SolverOutput) -> None:
+    def _keep(self, seat: _Seat, output: SolverOutput) -> None:
         self._last = output.claim if output.claim is not Claim.SOLVED else Claim.FAILED
         error = math.inf if output.point is None else self._measured(output.point)
-        self._messages.append(f"{name}: {output.message or output.claim}")
+        self._messages[seat.phase.solver] = f"{seat.phase.solver}: {output.message or output.claim}"
+        seat.point, seat.level = output.point, min(seat.level, error)
         if error <= self._budget.tolerance:
             self._end(replace(output, claim=Claim.SOLVED), recorded=False)
         elif error < self._error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -17,6 +17,8 @@ from cpbench_solvers.automatic import AutomaticChoice, LastNumber
 from cpbench_solvers.avi.claims import Affine, data_of, verdict_error
 from cpbench_solvers.qp.apart import block, claimed, labels, missed, split
 
+LARGE, FEW = 300, 0.05
+"""Unknowns beyond which matrices with at most this share of nonzeros are factored as sparse ones however they came."""
 Index: TypeAlias = NDArray[np.int64]
 
 
@@ -77,7 +79,18 @@ def solve_apart(
             claim = output.claim
             messages.append(missed(output, number, at))
     point, error = problem.point_from_vector(x), verdict_error(problem, x)
+    if messages:  # what no part has claimed must be right by its norms, too
+        error = max(error, problem.residuals(point, budget.tolerance).error)
     return claimed(point, error, budget, claim, messages, dict(counters))
+
+
+def stored_by_entries(problem: Affine) -> Affine:
+    """Return a large problem of few entries with sparse matrices, others as they are."""
+    stored = {name: M for name, M in problem.data().items() if M.ndim == 2}
+    n = sum(problem.point_sizes.values())
+    if n <= LARGE or sum(map(matrices.nnz, stored.values())) > FEW * n * n:
+        return problem
+    return replace(problem, **{name: matrices.sparse(M) for name, M in stored.items()})
 
 
 class ByParts(AutomaticChoice):
@@ -90,7 +103,7 @@ class ByParts(AutomaticChoice):
     def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
         """Return a `Plan`, or a `PartedAffine`."""
         parts = parted(problem) if sum(problem.point_sizes.values()) > self.few else None
-        return super().setup(problem, budget, options) if parts is None else parts
+        return super().setup(stored_by_entries(problem), budget, options) if parts is None else parts
 
     def solve(
         self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None

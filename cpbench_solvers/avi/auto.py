@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+
 from cpbench.formulations.linear import AVI, Relay
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import SolverPhase, automatic_spec
 from cpbench_solvers.avi.apart import ByParts
+from cpbench_solvers.avi.as_mlcp import as_mlcp
 from cpbench_solvers.avi.claims import error_of
 
 LARGE = 1000
@@ -21,17 +24,31 @@ class _Affine(ByParts):
     def error(self, problem: AVI | Relay, point: Any, tolerance: float) -> float:
         return error_of(problem, point, tolerance)
 
-    def phases(self, problem: AVI | Relay) -> Sequence[SolverPhase]:
-        return [SolverPhase(name) for name in (reversed(self.members) if problem.q.size > LARGE else self.members)]
-
 
 @register
 class AutoAVI(_Affine):
-    """Lemke's method from a vertex of the polyhedron, then Newton's where the polyhedron is a box; beyond 1000 unknowns
-    the other way round."""
+    """Lemke's method from a vertex of the polyhedron, Newton's where that is a box, and the mixed LCP with multipliers,
+    which is first where unknowns have no bound: M may be singular there."""
 
-    spec: ClassVar[SolverSpec] = automatic_spec("avi", "auto-avi", "pivoting from a vertex, then Newton on boxes")
-    members: ClassVar[tuple[str, ...]] = ("lemke-avi", "newton-avi")
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "avi", "auto-avi", "pivoting from a vertex or as an MLCP, Newton on boxes"
+    )
+    members: ClassVar[tuple[str, ...]] = (
+        "lemke-avi",
+        "lemke-mlcp",
+        "newton-avi",
+        "newton-fb-mlcp",
+        "interior-point-mlcp",
+    )
+
+    def phases(self, problem: AVI) -> Sequence[SolverPhase]:
+        mixed = [SolverPhase(name, via=as_mlcp) for name in self.members if name.endswith("-mlcp")]
+        own = [SolverPhase("lemke-avi"), SolverPhase("newton-avi")]
+        if problem.q.size > LARGE:
+            return [own[1], *reversed(mixed), own[0]]
+        if np.any(np.isinf(problem.lb) & np.isinf(problem.ub)):
+            return [mixed[0], *own, *mixed[1:]]
+        return [*own, *mixed]
 
 
 @register
@@ -40,3 +57,6 @@ class AutoRelay(_Affine):
 
     spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size")
     members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay")
+
+    def phases(self, problem: Relay) -> Sequence[SolverPhase]:
+        return [SolverPhase(name) for name in (reversed(self.members) if problem.q.size > LARGE else self.members)]

@@ -68,8 +68,6 @@ def condensed(problem: GlobalFrictionContact) -> Condensed | None:
     return Condensed(problem, FrictionContact(W=W, q=problem.free_velocity, mu=problem.mu, dimension=problem.dimension))
 
 
-SWEEPS, ITERATIONS = 2_000, 1_000
-"""Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""
 LOCAL = "auto-fc"
 FINER = 0.1
 """Times the tolerance, asked for in r at first: in v and r, part by part, an answer has a few times that error."""
@@ -101,10 +99,7 @@ class AutoGlobal(AutomaticChoice):
         return max(measured(point), measured.floor)
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
-        if problem.b.size:
-            return [SolverPhase("admm-gfc")]
-        by_turns = [SolverPhase("nsgs-gfc", SWEEPS), SolverPhase("admm-gfc", ITERATIONS)]
-        return [*by_turns, SolverPhase("nsgs-gfc", 10 * SWEEPS), SolverPhase("admm-gfc")]
+        return [SolverPhase(name) for name in (self.members[1:] if problem.b.size else self.members)]
 
     def setup(self, problem: GlobalFrictionContact, budget: Budget, options: Any) -> Any:
         small = condensed(problem)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import ClassVar
 
 from cpbench.formulations.contact import FCPoint
@@ -13,15 +12,15 @@ from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_sp
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.parts import error_or_rounding
 
-ITERATIONS = 200, 800
-"""Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
+ITERATIONS = 200
+"""Iterations of ADMM in its first turn."""
 SWEEPS, CONTACTS = 2.5, 100
 """Sweeps, or contacts swept where that is more (below 40 contacts), that take as long as an iteration of ADMM."""
 
 
 @register
 class AutoRolling(AutomaticChoice):
-    """Sweeps and ADMM by turns of equal work, each from the best point so far, then each for as long as it gains."""
+    """Sweeps and ADMM by turns of equal work."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rfc", "Gauss-Seidel and ADMM by turns")
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
@@ -31,11 +30,6 @@ class AutoRolling(AutomaticChoice):
         return max(norms, error_or_rounding(problem, point.r, SURE * tolerance))
 
     def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
-        return _turns(*self.members, problem.nc)
-
-
-@cache
-def _turns(sweeps: str, admm: str, contacts: int) -> tuple[SolverPhase, ...]:
-    a_turn = max(SWEEPS, CONTACTS / max(contacts, 1))
-    turns = [(SolverPhase(sweeps, int(a_turn * few)), SolverPhase(admm, few)) for few in ITERATIONS]
-    return tuple(phase for turn in (*turns, (SolverPhase(sweeps), SolverPhase(admm))) for phase in turn)
+        a_turn = max(SWEEPS, CONTACTS / max(problem.nc, 1))
+        sweeps, admm = self.members
+        return [SolverPhase(sweeps, int(a_turn * ITERATIONS)), SolverPhase(admm, ITERATIONS)]

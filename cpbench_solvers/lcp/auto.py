@@ -78,14 +78,7 @@ class AutoLCP(ByParts):
         sweeps = [SolverPhase("psor", min(SWEEPS, n * n // entries))] if few and positive else []
         if n > LARGE and few:
             faces = [SolverPhase("mprgp", STEPS, PROJECTED)] if problem.symmetric else []
-            return [
-                *sweeps,
-                *faces,
-                *newton,
-                SolverPhase("mprgp", None, PROJECTED),
-                SolverPhase("bpp"),
-                SolverPhase("lemke"),
-            ]
+            return [*sweeps, *faces, *newton, SolverPhase("bpp"), SolverPhase("lemke")]
         faces = [SolverPhase("mprgp", n * n // entries, PROJECTED)] if sweeps and problem.symmetric else []
         bordered = [SolverPhase("bpp")] if positive else []
         return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]

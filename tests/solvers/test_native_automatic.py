@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -9,12 +11,15 @@ from claims import assert_claim
 from tiers import some_by_day
 
 import cpbench
-from cpbench.formulations import LCP, LCPPoint, Problem
+from cpbench.formulations import AVI, LCP, AVIPoint, LCPPoint, Problem
 from cpbench.proofs import certified_infeasible
-from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.solvers.base import solved
 from cpbench.testing.cases import cases
 from cpbench.verification import judge
-from cpbench_solvers.automatic import AutomaticChoice
+from cpbench_solvers.automatic import AutomaticChoice, automatic_spec
+from cpbench_solvers.avi.as_mlcp import as_mlcp
+from cpbench_solvers.traits import ITERATIVE
 
 CHOICES = [name for name in solvers.names() if isinstance(solvers.get(name), AutomaticChoice)]
 RAY = LCP(M=np.array([[-3.0, 2.0, -1.0], [1.0, 0.0, 3.0], [3.0, 2.0, -2.0]]), q=np.array([2.0, 2.0, -1.0]))
@@ -40,7 +45,7 @@ def test_a_choice_solves_what_a_member_solves(name: str) -> None:
             solved = found.point is not None and judge(case.problem, found.point, 1e-6).solved
             assert not solved, f"{case.name}: {found.message}"
             for member in map(solvers.get, choice.members):
-                if member.obstacle(case.problem) is None:
+                if member.spec.node == choice.spec.node and member.obstacle(case.problem) is None:
                     other = member.run(case.problem, Budget(tolerance=1e-6, seconds=120.0))
                     assert other.claim is not Claim.SOLVED, f"{case.name}: {member.spec.name} solves it"
 
@@ -70,9 +75,89 @@ def test_a_failed_solver_is_followed_by_the_next_and_the_message_names_both() ->
     found = solvers.get("auto-lcp").run(RAY)
     assert found.claim is Claim.SOLVED
     assert judge(RAY, found.point, 1e-6).solved
-    assert found.counters["solvers"] == len(found.message.split("; ")) == 3
+    assert found.counters["solvers"] == len(found.message.split("; ")) == 5
     assert found.message.startswith("lemke: ray")
-    assert found.message.endswith("newton-fb: solved")
+    assert found.message.endswith("enumeration-lcp: solved")
+
+
+class Slow(Solver):
+    """A member that needs more iterations than its first turn has, and says in `seen` where each of its turns began."""
+
+    spec = SolverSpec(name="slow-lcp", node="lcp", summary="", method="projection", traits=ITERATIVE)
+    seen: ClassVar[list[tuple[int, float]]] = []
+
+    def solve(self, prepared, budget, options, start=None, record=None) -> SolverOutput:
+        made, begun = budget.iterations, 0.0 if start is None else float(start.z[0])
+        type(self).seen.append((made, begun))
+        z = np.array([1.0 - (1.0 - begun) * 0.9999**made])
+        if 1.0 - z[0] < 1e-6:
+            return solved(LCPPoint(np.ones(1)), {"iterations": made})
+        return SolverOutput(claim=Claim.MAX_ITER, point=LCPPoint(z), counters={"iterations": made})
+
+
+class Stuck(Slow):
+    """A member that comes nowhere, however long it goes on."""
+
+    spec = SolverSpec(name="stuck-lcp", node="lcp", summary="", method="semismooth Newton", traits=ITERATIVE)
+    turns: ClassVar[list[int]] = []
+
+    def solve(self, prepared, budget, options, start=None, record=None) -> SolverOutput:
+        type(self).turns.append(budget.iterations)
+        return SolverOutput(
+            claim=Claim.MAX_ITER, point=LCPPoint(np.zeros(1)), counters={"iterations": budget.iterations}
+        )
+
+
+def test_turns_double_and_each_member_goes_on_from_where_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No member waits for the end of another one, and none starts again from a point that is hardly better."""
+
+    class Choice(AutomaticChoice):
+        spec = automatic_spec("lcp", "two-lcp", "a slow member and one that is stuck")
+        members = ("stuck-lcp", "slow-lcp")
+
+    for member in (Stuck, Slow):
+        monkeypatch.setitem(solvers._items, member.spec.name, member())
+    found = Choice().run(LCP(M=np.eye(1), q=-np.ones(1)))
+    assert found.claim is Claim.SOLVED
+    lengths = [1000 * 2**turn for turn in range(8)]
+    assert [made for made, _ in Slow.seen] == lengths
+    assert Stuck.turns == [made // 20 for made in lengths]
+    assert [begun for _, begun in Slow.seen] == sorted({begun for _, begun in Slow.seen})
+    assert found.counters["solvers"] == 2
+
+
+def test_a_problem_in_a_box_is_solved_as_its_mixed_lcp_and_back() -> None:
+    """Unknowns of all kinds: free, above, below, between, fixed; rows and equalities; its solution is planted."""
+    rng, inf = np.random.default_rng(7), np.inf
+    kinds = np.array([[-inf, inf], [0.5, inf], [-inf, -0.5], [-1.0, 2.0], [0.25, 0.25]] * 4)
+    z = np.clip(rng.standard_normal(20), *kinds.T)
+    M, A, C = rng.standard_normal((20, 20)), rng.standard_normal((3, 20)), rng.standard_normal((2, 20))
+    lam, mu = np.array([1.0, 0.0, 0.0]), np.array([0.5, -2.0])
+    force = rng.uniform(0.5, 1.0, 20) * ((z == kinds[:, 0]) * 1.0 - (z == kinds[:, 1]))
+    M = M @ M.T + M - M.T
+    q = force - M @ z + A.T @ lam + C.T @ mu
+    problem = AVI(M=M, q=q, A=A, b=A @ z - (lam == 0), C=C, d=C @ z, lb=kinds[:, 0], ub=kinds[:, 1])
+    neighbour, point = as_mlcp(problem), AVIPoint(z, lam, mu)
+    there = neighbour.push(point)
+    assert judge(neighbour.problem, there, 1e-9).solved
+    back = neighbour.lift(there)
+    assert all(
+        np.allclose(x, y, atol=1e-12) for x, y in zip(back.arrays().values(), point.arrays().values(), strict=True)
+    )
+    found = neighbour.lift(solvers.get("lemke-mlcp").run(neighbour.problem).point)
+    assert judge(problem, found, 1e-9).solved
+    assert np.allclose(found.z, z, atol=1e-9)
+
+
+def test_a_linear_program_as_mixed_complementarity_is_solved_to_rounding() -> None:
+    """M is singular on the lines of the box: the multipliers of equalities are free (v48_small of a public report)."""
+    problem = AVI(
+        M=np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [1.0, 1.0, 0.0]]), q=np.array([1.0, 2.0, -3.0]),
+        lb=np.array([0.0, 0.0, -np.inf]), ub=np.array([2.0, np.inf, np.inf]),
+    )  # fmt: skip
+    found = cpbench.solve(problem)
+    assert found.status == "solved"
+    assert found.point.z.tolist() == [2.0, 1.0, 2.0]
 
 
 def test_a_proof_that_there_is_no_solution_ends_it() -> None:
