@@ -1,15 +1,11 @@
 """Answers to LCPs and MLCPs of real files from complementary bases: right ones, and wrong ones from neighbours.
 
-    python tests/truth/complementary_bases.py [--eps 1e-6] [--most 12] [--budget 300]
-
 A basis says of each pair which of v and w is 0. Its point solves one linear system, refined with residuals in long
 double; it is a solution where v ≥ 0 and w ≥ 0. A neighbour has one pair exchanged.
 """
 
 from __future__ import annotations
 
-import argparse
-import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -144,31 +140,3 @@ def problems(unknowns: int) -> Iterator[tuple[str, Any]]:
             target = edge.step(problem)
             if isinstance(target, MLCP) and sum(target.point_sizes.values()) <= unknowns:
                 yield name, target
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--eps", type=float, default=1e-6, help="tolerance")
-    parser.add_argument("--unknowns", type=int, default=600, help="problems with more unknowns are left out")
-    parser.add_argument("--most", type=int, default=12, help="neighbours of a basis")
-    parser.add_argument("--budget", type=float, default=300.0, help="processor time after which no file is begun [s]")
-    parser.add_argument("--lines", type=int, default=30, help="lines of the list")
-    given = parser.parse_args()
-    rows: list[Based] = []
-    start = time.process_time()
-    for name, problem in problems(given.unknowns):
-        rows += judged(name, problem, given.eps, given.most)
-        if time.process_time() - start > given.budget:
-            print("time is over after", name)
-            break
-    for right, words in ((True, "right rejected"), (False, "wrong accepted")):
-        here = [row for row in rows if row.right == right]
-        false = [row for row in here if row.false]
-        files = len({row.file for row in here})
-        print(f"eps {given.eps:.0e}: {words}: {len(false)} of {len(here)} points of {files} problems")
-        for row in sorted(false, key=lambda row: -row.error if right else row.error)[: given.lines]:
-            print(f"  {row.file:24} {row.label:20} error {row.error:.1e}, below 0 by {row.negative:.1e}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,23 +1,14 @@
-"""Right and wrong answers of real files, carried over every edge that is equivalent for the problem.
-
-PYTHONPATH=.:tests/invariance python tests/truth/equivalent_edges.py --cache FOLDER [--eps 1e-6] [--most 6]
-    [--budget 600] [--folders qp lcp ...]
-"""
+"""Right and wrong answers of real files, carried over every edge that is equivalent for the problem."""
 
 from __future__ import annotations
 
-import argparse
-import time
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pair_misses
-import real_files
-from kept_answers import kept
 from qp_literature import Reference, literature, off, unknown_sizes
 from qp_wrong import wrong_answers, wrongness
 
@@ -186,64 +177,7 @@ def carried(case: Case, epsilon: float, depth: int = 2) -> Iterator[Carried]:
                 yield Carried(case.name, names, label, right, verdict.solved, verdict.error, here[label].error)
 
 
-def cases(folders: list[str], cache: Path, least: float, most: int) -> Iterator[Case]:
-    """Yield the cases of the real files: QPs from the cache, others solved here."""
-    if "qp" in folders:
-        for name, problem, answers, reference in kept(cache):
-            case = reference and qp_case(name, problem, answers, reference, least, most)
-            if case:
-                yield case
-    for name, problem in real_files.problems(*[folder for folder in folders if folder != "qp"]):
-        if sum(problem.point_sizes.values()) <= 700:
-            case = pair_case(name, problem, least, most)
-            if case is None:
-                print(f"{name}: no right answer")
-            else:
-                yield case
-
-
 OTHERS = (
     "lcp", "mlcp", "relay", "soclcp", "rolling_local", "rolling_global",
     "fc2d_local", "fc3d_local", "fc2d_global", "fc3d_global",
 )  # fmt: skip
-
-
-def report(rows: list[Carried], lines: int) -> None:
-    """Print for each edge the right answers that are rejected and the wrong ones that are accepted."""
-    for right, words in ((True, "right rejected"), (False, "wrong accepted")):
-        here = [row for row in rows if row.right == right]
-        false = [row for row in here if row.false]
-        print(f"\n{words}: {len(false)} of {len(here)}")
-        for edge in sorted({row.edge for row in here}):
-            count = sum(row.edge == edge for row in here)
-            wrong = [row for row in false if row.edge == edge]
-            files = sorted({row.name for row in wrong})
-            print(f"  {edge or '(source)':32} {len(wrong):4} of {count:5}  {' '.join(files)}")
-        for row in sorted(false, key=lambda row: -row.error if right else row.error)[:lines]:
-            print(
-                f"    {row.name:24} {row.edge:28} {row.label:26} error {row.error:.1e}, source {row.source_error:.1e}"
-            )
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cache", type=Path, required=True, help="the folder that collect.py has written")
-    parser.add_argument("--eps", type=float, default=1e-6, help="tolerance")
-    parser.add_argument("--most", type=int, default=6, help="wrong answers of each kind")
-    parser.add_argument("--depth", type=int, default=2, help="edges one after the other")
-    parser.add_argument("--budget", type=float, default=600.0, help="processor time after which no file is begun [s]")
-    parser.add_argument("--lines", type=int, default=30, help="lines of each list")
-    parser.add_argument("--folders", nargs="+", default=["qp", *OTHERS], help="folders of the data")
-    given = parser.parse_args()
-    rows: list[Carried] = []
-    start = time.process_time()
-    for case in cases(given.folders, given.cache, WRONG * given.eps, given.most):
-        rows += carried(case, given.eps, given.depth)
-        if time.process_time() - start > given.budget:
-            print("time is over after", case.name)
-            break
-    report(rows, given.lines)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,14 +1,11 @@
 """Constants of the verdict, each doubled and halved: whether the tests that are named for it notice.
 
-    python tests/truth/pinned_constants.py [NAME ...]
-
 A constant that decides is pinned: with twice and with half of it, a named test fails. The others say how far a
 computation goes: with twice and with half of each the named tests pass, as the same number comes out.
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
 import subprocess
 import sys
@@ -133,16 +130,3 @@ def passes(name: str, factor: float) -> bool:
     if done.returncode not in (0, 1):
         raise RuntimeError(f"{name}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.returncode == 0
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="module.NAME; all where none is named")
-    for name in parser.parse_args().names or sorted(PINNED | EFFORT):
-        found = ["passes" if passes(name, factor) else "fails" for factor in (2.0, 0.5)]
-        kind = "pinned" if name in PINNED else "effort"
-        print(f"{kind} {name:28} doubled: {found[0]:6} halved: {found[1]:6} {(PINNED | EFFORT)[name]}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from qp_literature import Literature, Reference, objective_terms
+import qp_backends
+from qp_literature import Literature, Reference, literature, objective_terms
+
+Answers = list[tuple[str, Any]]
 
 OWN_DIGITS = 1e-9
 """Largest gap between the primal and the dual objective of a reference, over the terms of the objective."""
@@ -49,3 +52,12 @@ def agreed(problem: Any, found: Iterable[tuple[str, Any, Literature]]) -> Refere
         if method(other) != method(label) and abs(others.objective - numbers.objective) <= AGREED * terms:
             return Reference(point.z, numbers.objective, terms, f"{label}, {other}")
     return None
+
+
+def collect(problem: Any, seconds: float) -> tuple[Answers, Reference | None]:
+    """Return the different answers of many solvers to a QP, labelled, and its reference."""
+    different: dict[bytes, tuple[str, Any]] = {}
+    for label, point in qp_backends.answers(problem, seconds):
+        different.setdefault(point.vector.tobytes(), (label, point))
+    answers = list(different.values())
+    return answers, agreed(problem, ((label, point, literature(problem, point)) for label, point in answers))

@@ -1,21 +1,14 @@
-"""One QP and one answer to it, written in other ways: what the judge says must depend on neither.
-
-python tests/truth/qp_rewritings.py --cache FOLDER [--eps 1e-6] [--unknowns 600] [--most 8] [--budget 300]
-"""
+"""One QP and one answer to it, written in other ways: what the judge says must depend on neither."""
 
 from __future__ import annotations
 
-import argparse
-import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from kept_answers import kept
 
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
@@ -164,48 +157,3 @@ def compared(file: str, problem: Any, answers: list[tuple[str, Any]], epsilon: f
         for how, other, there in rewritten(rng, problem, point):
             verdict = judge(other, there, epsilon)
             yield Compared(file, label, how, own.error, verdict.error, (own.solved, verdict.solved))
-
-
-def report(rows: list[Compared], epsilon: float, lines: int) -> None:
-    """Print for each way the largest and the median ratio of errors, and the answers solved in one way only."""
-    print(f"\neps {epsilon:.0e}: {len({(row.file, row.label) for row in rows})} answers")
-    for how in dict.fromkeys(row.how for row in rows):
-        here = [row for row in rows if row.how == how]
-        ratios = sorted(row.ratio for row in here)
-        apart = [row for row in here if row.apart]
-        close = sum(row.apart and row.ratio <= 2 for row in here)
-        files = sorted({row.file for row in apart})
-        print(
-            f"  {how:28} {len(here):5} answers, ratio median {ratios[len(ratios) // 2]:.2g}, 90 % "
-            f"{ratios[int(0.9 * len(ratios))]:.2g}, largest {ratios[-1]:.1e}; solved in one way only: {len(apart)} "
-            f"({close} with a ratio of at most 2) on {' '.join(files[:8])}"
-        )
-    for row in sorted((row for row in rows if row.apart), key=lambda row: -row.ratio)[:lines]:
-        print(f"    {row.file:18} {row.label:22} {row.how:28} {row.first:.1e} -> {row.second:.1e} {row.solved}")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cache", type=Path, required=True, help="the folder that collect.py has written")
-    parser.add_argument("--eps", type=float, default=1e-6, help="tolerance")
-    parser.add_argument("--unknowns", type=int, default=600, help="problems with more unknowns are left out")
-    parser.add_argument("--most", type=int, default=8, help="answers of a problem, drawn by seed")
-    parser.add_argument("--budget", type=float, default=300.0, help="processor time after which no file is begun [s]")
-    parser.add_argument("--lines", type=int, default=30, help="lines of the list")
-    given = parser.parse_args()
-    rows: list[Compared] = []
-    start = time.process_time()
-    for name, problem, answers, _ in kept(given.cache):
-        if problem.p.size > given.unknowns:
-            continue
-        rng = np.random.default_rng(zlib.crc32(name.encode()))
-        chosen = [answers[k] for k in sorted(rng.permutation(len(answers))[: given.most])]
-        rows += compared(name, problem, chosen, given.eps)
-        if time.process_time() - start > given.budget:
-            print("time is over after", name)
-            break
-    report(rows, given.eps, given.lines)
-
-
-if __name__ == "__main__":
-    main()

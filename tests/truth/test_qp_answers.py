@@ -10,15 +10,14 @@ import random
 from pathlib import Path
 from typing import Any
 
-import collect
 import numpy as np
 import pytest
 import qp_rewritings
 import real_files
 from equivalent_edges import WRONG, carried, qp_case
-from kept_answers import Answers
 from measure import EPSILONS, measured
 from qp_literature import Reference, unknown_sizes
+from qp_references import Answers, collect
 
 SEED = 31
 NAMED = ("QSC205.mat", "QAFIRO.mat", "GOULDQP2.mat")
@@ -68,7 +67,7 @@ def _answered(name: str) -> tuple[Any, Answers, Reference]:
     problem = next((problem for _, problem in real_files.convex_qps([name])), None)
     if problem is None:
         pytest.skip("does not apply: no convex QP of at most 2,000 unknowns")
-    answers, reference = collect.collect(problem, 0.5 if name in _names() else 3.0)
+    answers, reference = collect(problem, 0.5 if name in _names() else 3.0)
     if reference is None:
         pytest.skip("does not apply: no two methods agree on an optimal value with terms")
     return problem, answers, reference

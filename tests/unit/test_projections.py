@@ -30,6 +30,8 @@ def _inside(kind: Cone, x: np.ndarray, mu: float = MU, mu_r: float = MU_R) -> fl
             return float(max(0.0, mu * t + mu_r * m - x[0]))
         case Cone.CYLINDER:
             return float(max(0.0, -x[0], whole - mu))
+        case Cone.BALL:
+            return float(max(0.0, np.linalg.norm(x) - mu))
 
 
 DUAL = {
@@ -41,7 +43,7 @@ DUAL = {
 }
 CONES = [
     *((kind, 4, MU, MU_R) for kind in (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)),
-    *((Cone.SECOND_ORDER, size, mu, 0.0) for size in (1, 2, 3, 7) for mu in (0.0, 1e-4, MU, 1.0, 1e4, np.inf)),
+    *((Cone.SECOND_ORDER, size, mu, 0.0) for size in (1, 2, 3, 7) for mu in (0.0, 1e-8, MU, 1.0, 1e8, np.inf)),
     *(
         (kind, size, mu, mu_r)
         for kind in (Cone.ROLLING, Cone.ROLLING_DUAL)
@@ -78,15 +80,16 @@ def test_the_nearest_point_of_a_cone(kind: Cone, size: int, mu: float, mu_r: flo
         assert np.allclose(x, p - K.dual().project(-x), rtol=1e-12, atol=4 * eps)
 
 
+@pytest.mark.parametrize("kind", [Cone.CYLINDER, Cone.BALL])
 @pytest.mark.parametrize("radius", [0.0, 1e-3, 2.0])
-def test_the_nearest_point_of_a_cylinder(radius: float, rng: np.random.Generator) -> None:
+def test_the_nearest_point_of_a_cylinder_or_a_ball(kind: Cone, radius: float, rng: np.random.Generator) -> None:
     """(x − p)ᵀ(z − p) ≤ 0 for every z in it."""
-    K = ProductCone.of((Cone.CYLINDER, 1, 3, radius))
+    K = ProductCone.of((kind, 1, 3, radius))
     others = np.array([K.project(4.0 * rng.standard_normal(3)) for _ in range(50)])
     for _ in range(50):
         x = 3.0 * rng.standard_normal(3)
         p = K.project(x)
-        assert _inside(Cone.CYLINDER, p, radius) <= 1e-15
+        assert _inside(kind, p, radius) <= 1e-15
         assert np.allclose(K.project(p), p, rtol=1e-15, atol=0)
         assert ((others - p) @ (x - p)).max() <= 1e-13
 
