@@ -51,24 +51,6 @@ def at(force: Sequence[float], point: Sequence[float]) -> list[float]:
     return [*force, point[0] * force[1] - point[1] * force[0]]
 
 
-def incline(angle: float) -> Any:
-    """On an incline: tan(angle)."""
-    feet: list[Contact] = [(-1, 0, (x, 0.0), UP) for x in (-1.0, 1.0)]
-    return plane(1, feet, [at([-math.sin(angle), -math.cos(angle)], (0.0, 0.2))]), None, math.tan(angle)
-
-
-def wedge(angle: float) -> Any:
-    """A wedge below a guided block, which do not slide apart: tan(angle/2)."""
-    contacts: list[Contact] = [(-1, 0, (x, 0.0), UP) for x in (-0.5, 1.0)] + [
-        (0, 1, (x, 0.3), UP + angle) for x in (0, 0.4)
-    ]
-    return (
-        plane(2, contacts, [[0.0] * 3, at([0.0, -7.0], (0.2, 1.0))], free=[(-1, 1, (0, y), RIGHT) for y in (1, 2)]),
-        None,
-        math.tan(angle / 2),
-    )
-
-
 def pinched(angle: float) -> Any:
     """A block between two walls that spread by the angle each downwards: tan(angle), with forces that grow to inf."""
     contacts: list[Contact] = [
@@ -87,13 +69,6 @@ def ladder(angle: float) -> Any:
     )
 
 
-def two_bars(angle: float) -> Any:
-    """An arch of two bars that lean against each other: 1/(2 tan(angle))."""
-    x, y = math.cos(angle), math.sin(angle)
-    contacts: list[Contact] = [(-1, 0, (-x, 0.0), UP), (-1, 1, (x, 0.0), UP), (0, 1, (0.0, y), RIGHT)]
-    return plane(2, contacts, [at([0, -2.0], (side * x / 2, y / 2)) for side in (-1, 1)]), None, 0.5 / math.tan(angle)
-
-
 def pipes(weight: float) -> Any:
     """Two pipes on the floor, side by side, and one above: 2 - sqrt(3) between them."""
     third, s = math.pi / 3, math.sqrt(3)
@@ -107,14 +82,6 @@ def pushed(height: float, mu: float) -> Any:
     """A block 2 wide, of weight 10, pushed at a height: it slides at 10 μ or tips at 10/height."""
     feet: list[Contact] = [(-1, 0, (x, 0.0), UP) for x in (-1.0, 1.0)]
     return plane(1, feet, [[0.0, -10.0, 0.0]], mu), ROTATION @ at([1.0, 0.0], (0.0, height)), min(10 * mu, 10 / height)
-
-
-def tower(blocks: int, mu: float) -> Any:
-    """Blocks 1 wide and 0.4 high on each other, with a share of their weights sideways: min(μ, 1/(0.4 n))."""
-    contacts: list[Contact] = [(k - 1, k, (x, 0.4 * k), UP) for k in range(blocks) for x in (-0.5, 0.5)]
-    middle = [(0.0, 0.4 * k + 0.2) for k in range(blocks)]
-    push = np.concatenate([ROTATION @ at([3.0, 0.0], p) for p in middle])
-    return plane(blocks, contacts, [at([0.0, -3.0], p) for p in middle], mu), push, min(mu, 2.5 / blocks)
 
 
 def climber(angle: float, mu: float) -> Any:
@@ -139,9 +106,8 @@ def twisted(radius: float, mu: float) -> Any:
 
 @pytest.mark.parametrize(
     ("make", "given"),
-    [(incline, (0.6,)), (wedge, (0.5,)), (pinched, (0.2,)), (ladder, (1.0,)), (two_bars, (1.1,)), (pipes, (3.0,)),
-     (pushed, (1.0, 0.4)), (pushed, (3.0, 0.4)), (tower, (7, 0.6)), (tower, (3, 0.3)), (climber, (1.0, 0.4)),
-     (twisted, (0.7, 0.35))],
+    [(pinched, (0.2,)), (ladder, (1.0,)), (pipes, (3.0,)), (pushed, (1.0, 0.4)), (pushed, (3.0, 0.4)),
+     (climber, (1.0, 0.4)), (twisted, (0.7, 0.35))],
 )  # fmt: skip
 def test_a_limit_is_that_of_statics(make: Callable[..., Any], given: tuple[float, ...]) -> None:
     problem, load, limit = make(*given)

@@ -16,13 +16,6 @@ from cpbench_solvers.lcp.principal_transform import transformed
 KINDS = ("positive definite", *planted.SQUARE[:3])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_hundreds_of_unknowns(kind: str) -> None:
-    problem, _ = planted.lcp(np.random.default_rng(1), 400, kind)
-    output = solvers.get("lemke").run(problem, Budget(tolerance=1e-9))
-    assert output.claim is Claim.SOLVED, output.message
-
-
 def test_a_ray_beyond_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
     """Infeasible and larger than SMALL: the ray is recognised there too, and proven."""
     for module in (lemke, lemke_run):

@@ -110,16 +110,6 @@ def duplicated_constraints(consistent: bool) -> tuple[MixedFrictionContact, obje
     return mixed, same
 
 
-def test_repeated_constraints_are_eliminated_by_the_pseudo_inverse():
-    problem, point = duplicated_constraints(consistent=True)
-    assert problem.factorization.singular
-    assert problem.residuals(point).error <= 1e-12
-    target = make("fcm-fc").step(problem)
-    there = graph.push(target, point)
-    assert target.residuals(there).error <= 1e-10
-    assert problem.residuals(graph.lift(target, there)).error <= 1e-10
-
-
 def test_constraints_that_contradict_each_other_are_refused():
     problem, _ = duplicated_constraints(consistent=False)
     with pytest.raises(NotApplicable, match=r"R \(3x3, rank 2\) is singular and s is not in its range"):
