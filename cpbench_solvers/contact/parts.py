@@ -131,11 +131,15 @@ class ContactParts:
 class PartsProgress:
     """The record of a run over all parts: the error is that of the worst part so far.
 
+    Iterations are counted over all parts. The start of a part is the answer of the part before it, and not recorded
+    again.
+
     errors : of the parts at first. put : (k, answer of part k) -> the whole answer with it.
     """
 
     def __init__(self, record: Record, errors: list[float], put: Callable[[int, Any], Any]) -> None:
         self._record, self._errors, self._put = record, errors, put
+        self._last = -1
 
     def of_part(self, k: int, before: int) -> Record:
         """Return the record of part k, which begins after `before` iterations."""
@@ -143,7 +147,9 @@ class PartsProgress:
         def look(done: int, error: float, point: Callable[[], Any]) -> None:
             now = self._put(k, point())
             self._errors[k] = error
-            self._record(before + done, max(self._errors), lambda: now)
+            if before + done > self._last:
+                self._last = before + done
+                self._record(self._last, max(self._errors), lambda: now)
 
         return look
 
