@@ -24,6 +24,8 @@ CURVED = 5
 """Eigenvectors of negative curvature near which a ray is sought."""
 LARGEST = 1000
 """Unknowns of the largest objective whose eigenvectors are computed."""
+STEPS = 2
+"""Further linear programs from an eigenvector near which there is no ray."""
 
 
 def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
@@ -69,8 +71,9 @@ def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
 
 
 def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
-    """Directions that never leave the polyhedron and along which the objective curves down: those of the least ‖d − v‖₁
-    from eigenvectors v of negative curvature; none where Q is too large for these."""
+    """Directions d that never leave the polyhedron and along which the objective curves down: those of the least
+    ‖d − v‖₁ from eigenvectors v of negative curvature, else the farthest along v, then along −Qd; none where Q is too
+    large for these."""
     S, _, column = _scaled(P)
     n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
     if not 0 < n <= LARGEST:
@@ -87,9 +90,14 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
     cost = np.concatenate([np.zeros(n), np.ones(n)])
     for v in chain.from_iterable((v, -v) for v in curved):
         limits = np.concatenate([v, -v, np.zeros(rows.size)])
-        nearest = _least(cost, sides, limits, equal, np.zeros(S.f.size), bounds, deadline)
-        if nearest is not None and nearest[:n] @ Q @ nearest[:n] < 0.0:
-            yield nearest[:n] * column
+        ray, slope = _least(cost, sides, limits, equal, np.zeros(S.f.size), bounds, deadline), -v
+        for _ in range(STEPS):
+            if ray is None or ray[:n] @ Q @ ray[:n] < 0.0:
+                break
+            ray = _least(slope, -S.G[rows], limits[2 * n :], S.E, np.zeros(S.f.size), cone, deadline)
+            slope = slope if ray is None else (Q + Q.T) @ ray
+        if ray is not None and ray[:n] @ Q @ ray[:n] < 0.0:
+            yield ray[:n] * column
 
 
 def _scaled(P: Polyhedron) -> tuple[Polyhedron, Vector, Vector]:
