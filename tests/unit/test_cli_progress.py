@@ -38,6 +38,7 @@ class Slow(Solver):
 
 BAR = r"[1-9]\d*/80\s+pairs,\s+\S+\s+left\s+\d+ solved"
 """What the bar says of some pairs that were solved."""
+ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
 @pytest.fixture
@@ -54,7 +55,7 @@ def command(*arguments: str) -> list[str]:
 
 
 def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], bool]) -> tuple[int, str]:
-    """Exit code and what a terminal of 100 columns got; SIGINT once `until` holds of that."""
+    """Exit code and what a terminal of 100 columns got, without its colours; SIGINT once `until` holds of that."""
     ours, theirs = pty.openpty()
     env = {**os.environ, "COLUMNS": "100", "LINES": "30", "TERM": "xterm-256color"}
     env.pop("NO_COLOR", None)
@@ -69,12 +70,12 @@ def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], boo
             if not part:
                 break
             seen += part.decode()
-        if not asked and until(seen):
+        if not asked and until(ESCAPES.sub("", seen)):
             asked = True
             running.send_signal(signal.SIGINT)
     code = running.wait(600)
     os.close(ours)
-    return code, re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", seen)
+    return code, ESCAPES.sub("", seen)
 
 
 @pytest.mark.nightly
