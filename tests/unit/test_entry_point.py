@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -16,8 +17,8 @@ from cpbench.solvers.external.builds import as_toml
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("words", [[], ["--help"]])
-def test_help_into_a_closed_pipe_ends_without_a_traceback(words: list[str]) -> None:
+@pytest.mark.parametrize("words", [[], ["--help"], ["list", "solvers"]])
+def test_a_closed_pipe_ends_without_a_traceback(words: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     command = [sys.executable, "-m", "cpbench", *words]
@@ -34,6 +35,16 @@ def test_shells_get_a_completion_script(shell: str) -> None:
     done = subprocess.run([sys.executable, "-c", call], env=asked, capture_output=True, text=True, timeout=100)
     assert "_cpbench_completion" in done.stdout
     assert "Usage" not in done.stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_complete_a_command(shell: str) -> None:
+    """What each shell's script asks for at `cpbench list so`: fish gives the word itself, the others its place."""
+    words = {"COMP_WORDS": "cpbench list so", "COMP_CWORD": "so" if shell == "fish" else "2"}
+    asked = {**os.environ, **words, "_CPBENCH_COMPLETE": f"{shell}_complete"}
+    done = subprocess.run([sys.executable, "-m", "cpbench"], env=asked, capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.findall(r"\w+", done.stdout)[:2] == ["plain", "solvers"]
 
 
 def test_the_version_to_cite_is_that_of_the_package() -> None:

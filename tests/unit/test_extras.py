@@ -10,7 +10,9 @@ from pathlib import Path
 
 from cpbench.solvers import solvers
 
-PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+ROOT = Path(__file__).resolve().parents[2]
+TOML = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT = TOML["project"]
 OTHER_NAMES = {"pin": "pinocchio", "drake": "pydrake", "sip-qp-python": "sip_qp_python"}
 """Packages that are imported by another name than they are installed by."""
 BLOCKED = """
@@ -58,6 +60,12 @@ def test_an_extra_that_a_message_names_brings_the_guest() -> None:
     for spec in named:
         (extra,) = re.findall(r"cpbench\[(\w+)\]", spec.install)
         assert spec.requires[-1] in _packages([f"cpbench[{extra}]"]), spec.name  # the others it brings itself
+
+
+def test_type_checkers_take_the_types_of_each_package() -> None:
+    packages = TOML["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert len(packages) == 5
+    assert [name for name in packages if not (ROOT / name / "py.typed").is_file()] == []
 
 
 def test_what_is_heavy_is_an_extra() -> None:
