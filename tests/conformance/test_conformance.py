@@ -106,8 +106,8 @@ BY_DAY = {
 """Checks of every solver. An automatic choice is among solvers that are checked themselves; the line of another
 package's table is right if one of the table solves something."""
 SAMPLED = {
-    "pgs", "pgs-mlcp", "newton-relay", "mprgp-qp", "admm-coneqp", "newton-alart-curnier", "newton-fb-micp", "auto-lcp",
-    "siconos-lcp-lemke", "clarabel", "scipy-root-hybr", "casadi-sqpmethod",
+    "pgs", "pgs-mlcp", "newton-relay", "mprgp-qp", "newton-soclcp", "newton-alart-curnier", "newton-fb-micp",
+    "auto-lcp", "siconos-lcp-lemke", "clarabel", "scipy-root-hybr", "casadi-sqpmethod",
 }  # fmt: skip
 """A native solver of each room, and one of each large family of others, that get all checks by day."""
 

@@ -21,8 +21,8 @@ LIMIT = 1.0  # seconds for those that only the clock can end
 AMPLE = 60.0  # for all others, whose end must not depend on how busy the machine is
 HANGS = ("hang", "stall", "sh-hang")
 FEW = (
-    "none", "remember", "hang", "segfault", "exit", "noise", "close", "claim", "error", "refuse", "licence", "broken",
-    "memory", "odd", "nan", "missing", "size", "sh-awk", "sh-hang", "sh-exit", "sh-none", "sh-claim", "sh-gone",
+    "none", "remember", "hang", "segfault", "noise", "close", "claim", "error", "refuse", "licence", "memory", "odd",
+    "nan", "missing", "sh-awk", "sh-hang", "sh-none", "sh-claim", "sh-gone",
 )  # fmt: skip
 """Of each kind some."""
 SERVED: dict[str, tuple[str, float | None, float | None, str]] = {  # status, signal, exit code, part of the message

@@ -42,7 +42,7 @@ def _brute_p(M: np.ndarray) -> bool:
     )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(small_matrices)
 def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
     found = facts.p_matrix(M, "M", facts.definiteness(M, "M"))
@@ -52,7 +52,7 @@ def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
     assert transposed.value == found.value
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(small_matrices, st.booleans())
 def test_definiteness_and_rank_are_those_of_numpy(M: np.ndarray, sparse: bool) -> None:
     values = np.linalg.eigvalsh((M + M.T) / 2)

@@ -13,7 +13,7 @@ MOST = 2
 WARM = [s for s in solvers if type(s).__module__.startswith("cpbench_solvers.") and Trait.WARM_START in s.spec.traits]
 
 
-@pytest.mark.parametrize("solver", some_by_day(WARM, 10), ids=lambda s: s.spec.name)
+@pytest.mark.parametrize("solver", some_by_day(WARM, 5), ids=lambda s: s.spec.name)
 def test_from_its_own_answer_it_ends_at_once(solver: Solver) -> None:
     budget, tried, work = Budget(tolerance=1e-9, seconds=5.0, iterations=5000), 0, 0
     for case in cases(solver.spec.node):

@@ -7,6 +7,7 @@ import numpy as np
 import planted_nonlinear as plant
 import pytest
 from planted_nonlinear import graph
+from tiers import some_by_day
 
 from cpbench.formulations import QVI, VI, Equation, VIPoint
 from cpbench.formulations.conic import cone_fields
@@ -39,7 +40,7 @@ def _solved(solver: str, problem, tolerance: float):
     return output
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", some_by_day(PROBLEMS, 20))
 def test_newton_solves_every_problem(name: str) -> None:
     """Where F has a pole beside a bound, as in mathiesen-polyhedron, the natural map is 0 on its other side, too."""
     problem = PROBLEMS[name]

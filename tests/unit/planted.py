@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench import graph
+from cpbench.conversions.base import Conversion
 from cpbench.formulations import (
     LCP,
     MLCP,
@@ -208,3 +210,13 @@ def enumerate_mlcp(problem: MLCP, tolerance: float = 1e-10) -> MLCPPoint | None:
         if problem.residuals(point).error <= tolerance:
             return point
     return None
+
+
+def both_ways(edge: Conversion, problem: Any, point: Any) -> tuple[Any, Any]:
+    """The converted problem and its answer, after checking that the planted one goes there and comes back."""
+    assert problem.residuals(point).error <= 1e-9
+    target = edge.step(problem)
+    there = graph.push(target, point)
+    assert target.residuals(there).error <= 1e-9
+    assert problem.residuals(graph.lift(target, there)).error <= 1e-9
+    return target, there

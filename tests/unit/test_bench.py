@@ -117,8 +117,8 @@ def test_a_relaxation_runs_on_request_only_and_says_what_it_is(slot: Slot, tmp_p
 
 @pytest.mark.parametrize("node", some_by_day(["mlcp", "gfc"], 1))
 def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path: Path, node: str) -> None:
-    """One row, one LU of order 1200: nearly all of the conversion's time, whoever asked for the LU before."""
-    n = 1200
+    """One row, one LU of order 800: nearly all of the conversion's time, whoever asked for the LU before."""
+    n = 800
     A = np.random.default_rng(0).standard_normal((n, n)) / n + np.eye(n)
     if node == "mlcp":
         problem = MLCP(A=A, B=np.eye(1), C=np.ones((n, 1)), D=np.ones((1, n)), a=np.ones(n), b=np.ones(1))

@@ -20,7 +20,7 @@ from cpbench.testing.cases import infeasible
 from cpbench.verification import Status, no_answer, status
 
 SEEDS = pytest.mark.parametrize(
-    "seeds", [range(30), pytest.param(range(30, 200), marks=pytest.mark.nightly)], ids=["few", "many"]
+    "seeds", [range(12), pytest.param(range(12, 200), marks=pytest.mark.nightly)], ids=["few", "many"]
 )
 
 

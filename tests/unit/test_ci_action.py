@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import cpbench
 from tiers import some_by_day
 
 from cpbench.bench.planning import plan_file
@@ -200,7 +201,7 @@ def test_our_workflow_tests_compares_builds_the_pages_and_writes_nothing_back() 
 
 
 def test_new_ci_writes_a_workflow_that_is_whole(tmp_path: Path) -> None:
-    said = run(tmp_path, "cpbench", "new", "ci", "my solver/mine.toml", "--build", "make -C 'my solver' all")
+    said = cpbench(tmp_path, "new", "ci", "my solver/mine.toml", "--build", "make -C 'my solver' all")
     assert said.stdout.splitlines()[0] == "wrote .github/workflows/cpbench.yml"
     workflow = load(tmp_path / ".github/workflows/cpbench.yml")
     steps = workflow["jobs"]["compare"]["steps"]
@@ -211,7 +212,7 @@ def test_new_ci_writes_a_workflow_that_is_whole(tmp_path: Path) -> None:
     assert "my solver/mine.toml\n--build\nmake -C 'my solver' all\n" in words.stdout
     assert set(re.findall(r"^(--[\w-]+)$", words.stdout, re.M)) <= set(re.findall(r"--[\w-]+", SCRIPT.read_text()))
     assert len((tmp_path / ".github/workflows/cpbench.yml").read_text().splitlines()) <= 22
-    assert "exists already" in run(tmp_path, "cpbench", "new", "ci", "mine.toml", rc=2).stderr
+    assert "exists already" in cpbench(tmp_path, "new", "ci", "mine.toml").stderr
 
 
 @pytest.mark.parametrize(
@@ -229,9 +230,10 @@ def test_new_ci_writes_a_workflow_that_is_whole(tmp_path: Path) -> None:
     ),
 )
 def test_new_ci_refuses_in_one_line(tmp_path: Path, words: tuple[str, ...], told: str) -> None:
-    said = run(tmp_path, "cpbench", "new", "ci", *words, rc=2).stderr
-    assert told in said
-    assert said.count("\n") == 1
+    done = cpbench(tmp_path, "new", "ci", *words)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert done.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 

@@ -19,19 +19,9 @@ from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact
 from cpbench.foundation import matrices
 from cpbench.solvers.base import Budget, Claim, solvers
 
-CLOSE = 1e-9
 FACET_EDGES = ("fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer")
 quick = settings(max_examples=30, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)
-
-
-def both_ways(edge, problem, point, close=CLOSE):
-    assert problem.residuals(point).error <= close
-    target = edge.step(problem)
-    there = graph.push(target, point)
-    assert target.residuals(there).error <= close
-    assert problem.residuals(graph.lift(target, there)).error <= close
-    return target
 
 
 def solved(target):
@@ -88,7 +78,7 @@ def test_facets_are_exact_where_the_polygon_touches_the_circle(seed, nc, kind, s
     edge = make(name, {"facets": count, "angle": angle})
     directions = facets.directions(count, angle)
     problem, point = planted.fc(np.random.default_rng(seed), nc, 3, kind, sparse=sparse, directions=directions)
-    target = both_ways(edge, problem, point)
+    target, _ = planted.both_ways(edge, problem, point)
     assert sum(target.sizes().values()) == nc * {"fc-mlcp-outer": count + 3}.get(name, count + 2)
     assert all(matrices.is_sparse(M) == sparse for M in target.data().values() if M.ndim == 2)
     assert edge.exactness(problem) == Kind.APPROXIMATE

@@ -18,17 +18,8 @@ from cpbench.formulations.expressions import Map
 from cpbench.solvers import Budget, solvers
 from cpbench.verification import judge
 
-CLOSE = 1e-9
 FC_EDGES = ("fc-micp", "fc-cp", "fc-vi", "fc-qvi")
 RFC_EDGES = ("rfc-cp", "rfc-vi")
-
-
-def both_ways(edge, problem, point, close=CLOSE):
-    target = edge.step(problem)
-    there = graph.push(target, point)
-    assert target.residuals(there).error <= close
-    assert problem.residuals(graph.lift(target, there)).error <= close
-    return target, there
 
 
 @pytest.mark.parametrize("name", [*FC_EDGES, *RFC_EDGES])
@@ -64,7 +55,7 @@ def test_the_cylinder_moves_with_the_normal_reaction():
     """One contact in the plane that slides: X(r) = ℝ₊ × [−μ r_N, μ r_N] at the planted answer."""
     problem = FrictionContact(W=np.eye(2), q=[-2.0, 3.0], mu=[0.5], dimension=2)
     point = FCPoint(r=[2.0, -1.0])  # u = (0, 2)
-    target, there = both_ways(make("fc-qvi"), problem, point)
+    target, there = planted.both_ways(make("fc-qvi"), problem, point)
     K, _, _ = target.set_at(there.z)
     assert K.mu[0] == pytest.approx(abs(there.z[1]))
     half = type(there)(z=there.z * [0.5, 1.0])
@@ -109,7 +100,7 @@ def test_micp_tells_where_it_is_singular(rng, states):
     """No contact is told where the derivative of the active rows is regular at the answer, and some where it is not."""
     problem, point = scene(rng, states)
     edge = make("fc-micp")
-    target, there = both_ways(edge, problem, point)
+    target, there = planted.both_ways(edge, problem, point)
     told = edge.singular(there, target.provenance[-1].trace)
     assert told.tolist() == [c for c, state in enumerate(states) if state == "touch"]
     said = graph.remarks(target, there)
@@ -163,7 +154,7 @@ def test_a_linearization_where_the_answer_is_has_it(rng):
     problem, point = pendulum(rng)
     assert problem.residuals(point).error <= 1e-12
     edge = make("nfc-gfc", {"velocity": tuple(point.v.tolist())})
-    both_ways(edge, problem, point)
+    planted.both_ways(edge, problem, point)
     assert edge.exactness(problem) is Kind.RELAXATION
     assert "8 nonlinear terms" in edge.reservation(problem)
 
@@ -175,7 +166,7 @@ def test_default_routes_linearize_only_what_is_linear(rng):
     linear, point = pendulum(rng, drag=0.0)
     arrival = graph.arrive(linear, "gfc")
     assert arrival.kind is Kind.EQUIVALENT
-    both_ways(make("nfc-gfc"), linear, point)
+    planted.both_ways(make("nfc-gfc"), linear, point)
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -18,16 +18,6 @@ from cpbench.verification import judge
 CLOSE = 1e-9
 
 
-def both_ways(edge: str, problem, point, **knobs):
-    """The converted problem, after checking that the planted answer goes there and comes back."""
-    assert problem.residuals(point).error <= CLOSE
-    target = make(edge, knobs).step(problem)
-    there = graph.push(target, point)
-    assert target.residuals(there).error <= CLOSE
-    assert problem.residuals(graph.lift(target, there)).error <= CLOSE
-    return target
-
-
 # --------------------------------------------------------------------------------------------- lcp → qp
 
 
@@ -92,7 +82,7 @@ def test_split_finds_scrambled_equalities(sign, sparse, seed):
         a=-A @ u - C @ v,
         b=w - D @ u - B @ v,
     )
-    target = both_ways("mlcp-lcp-split", problem, MLCPPoint(u=u, v=v))
+    target, _ = planted.both_ways(make("mlcp-lcp-split"), problem, MLCPPoint(u=u, v=v))
     assert matrices.is_psd(target.M)
     out = solvers.get("lemke").run(target)
     assert out.claim == Claim.SOLVED
@@ -122,7 +112,7 @@ def test_diode_bridges(shared_data, name):
 
 def test_qp_mlcp_nonconvex_is_necessary(rng):
     problem, point = planted.qp(rng, 4, 2, 1, "symmetric indefinite")
-    both_ways("qp-mlcp", problem, point)
+    planted.both_ways(make("qp-mlcp"), problem, point)
     assert make("qp-mlcp").exactness(problem) == Kind.NECESSARY
     with pytest.raises(graph.NoRoute, match="qp-mlcp: is necessary for this problem"):
         graph.arrive(problem, "mlcp")
