@@ -188,7 +188,7 @@ def test_our_workflow_tests_compares_builds_the_pages_and_writes_nothing_back() 
     assert "unshare" in build
     assert "--strict" in build
     kept = {name for name, job in jobs.items() for step in job["steps"] if "upload-artifact" in step.get("uses", "")}
-    assert kept == {"docs", "compare", "report"}
+    assert kept == {"docs", "compare", "report", "pythons"}
     assert "write" not in {job.get("permissions", {}).get("contents") for job in jobs.values()}
     assert not any("git push" in step.get("run", "") for job in jobs.values() for step in job["steps"])
     assert "github.event_name != 'pull_request'" in jobs["report"]["if"]
