@@ -46,14 +46,17 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     def at_places(values: Any) -> Any:
         return sp.csr_array((values, A.indices, A.indptr), shape=A.shape)
 
-    some = A.data > 0
-    pattern, logs = at_places(some.astype(np.float64)), np.log(A.data, out=np.zeros(A.nnz), where=some)
-    counts, beside = pattern @ np.ones(A.shape[1]), pattern.T @ np.ones(A.shape[0])
-    D, C = _first_guess(at_places(logs), pattern, counts, beside)
-
     def by_entry(D: Vector, C: Vector) -> Any:
         return np.repeat(D, np.diff(A.indptr)) + C[A.indices]
 
+    def sums(values: Any) -> tuple[Any, Any]:
+        rows = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+        return np.bincount(rows, values, A.shape[0]), np.bincount(A.indices, values, A.shape[1])
+
+    some = A.data > 0
+    logs = np.log(A.data, out=np.zeros(A.nnz), where=some)
+    counts, beside = sums(some)
+    D, C = _first_guess(*sums(logs), at_places(some.astype(np.float64)), counts, beside)
     left = logs + by_entry(D, C)
     if (left * some > LARGEST).any():  # cut off, it would be another matrix: the largest of each row is 1
         rows = A.max(axis=1).toarray().ravel()
@@ -70,16 +73,19 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     return np.exp(D) * d, np.exp(C) * c
 
 
-def _first_guess(logs: Any, pattern: Any, counts: Vector, beside: Vector) -> tuple[Vector, Vector]:
-    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries: e follows from d, which
-    conjugate gradients find, in units of the root of the number of entries of each row."""
+def _first_guess(
+    by_row: Vector, by_column: Vector, pattern: Any, counts: Vector, beside: Vector
+) -> tuple[Vector, Vector]:
+    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries, of which the sums are
+    given: e follows from d, which conjugate gradients find, in units of the root of the number of entries of each row.
+    """
     root, per_column, turned = np.sqrt(_ratio(1.0, counts)), _ratio(1.0, beside), pattern.T
 
     def without_columns(d: Vector) -> Vector:
         return d - root * (pattern @ (per_column * (turned @ (root * d))))
 
-    e = -per_column * (logs.T @ np.ones(counts.size))
-    rest = -root * (logs @ np.ones(beside.size) + pattern @ e)
+    e = -per_column * by_column
+    rest = -root * (by_row + pattern @ e)
     reduced = spla.LinearOperator((rest.size, rest.size), matvec=without_columns, dtype=np.float64)
     d = root * spla.cg(reduced, rest, rtol=0.0, atol=GUESSED * math.sqrt(counts.sum()), maxiter=STEPS)[0]
     return d, e - per_column * (turned @ d)

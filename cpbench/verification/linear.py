@@ -211,10 +211,11 @@ def orientation(J: Any) -> tuple[Flags, Flags]:
     The conditions of a program are rows that are symmetric but for the signs of those of multipliers: J_ij = J_ji
     between unknowns of one kind, J_ij = −J_ji between both kinds. Of each connected part the first unknown is none.
     """
-    J = sp.csr_array(J)
-    n, T = J.shape[0], sp.csr_array(J.T)
-    if not J.nnz or np.abs(J - T).max() <= SYMMETRY_TOLERANCE * np.abs(J).max():
+    n = J.shape[0]
+    if not J.size or abs(J - J.T).max() <= SYMMETRY_TOLERANCE * abs(J).max():
         return np.zeros(n, dtype=bool), np.ones(n, dtype=bool)
+    J = sp.csr_array(J)
+    T = sp.csr_array(J.T)
     uneven: Any = sp.coo_array(abs(abs(J) - abs(T)) - SYMMETRY_TOLERANCE * abs(J).maximum(abs(T)))
     both: Any = sp.coo_array(J.multiply(T))
     (i, j), alike = both.coords, both.data > 0

@@ -294,7 +294,7 @@ def kept(problem: Problem, make: Callable[[], Any]) -> Any:
 
 def term_sizes(matrix: Any) -> Any:
     """Return the sizes of the entries of a matrix as CSR; zeros that are stored are no terms, and join no parts."""
-    sizes = abs(sp.csr_array(matrix))
+    sizes = sp.csr_array(abs(matrix))
     sizes.eliminate_zeros()
     return sizes
 
