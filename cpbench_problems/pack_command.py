@@ -71,7 +71,8 @@ def command(
             values = _whole(values, form, symmetric)
         problem = array_problems.build_problem(output, values, form, text, name)
     except FormatError as cause:
-        raise FormatError(files.get(cause.field, output), cause.field, cause.cause) from None
+        names = "; NAME=FILE names the array of a file" if cause.cause.endswith(("rename or remove it", "them")) else ""
+        raise FormatError(files.get(cause.field, output), cause.field, cause.cause + names) from None
     storage.save(problem, output, force=force)
     notes = [problem.info.properties[NOTE]] if NOTE in problem.info.properties else []
     print_lines([f"{output} ({problem.node}: {sizes_line(problem)})", *notes])

@@ -96,6 +96,8 @@ def answer_lines(
         yield f"  v[{first}:{first + some.size}] = {', '.join(f'{value:.6g}' for value in some.tolist())}"
     if solved:
         yield from freedom_lines(problem, point, tolerance)
+    if note := problem.info.properties.get("note"):
+        yield f"  {printable(str(note))}"
 
 
 def own_parts(problem: Problem, point: Point) -> Mapping[str, Vector]:

@@ -58,7 +58,7 @@ def check_bounds(node: str, lb: Vector, ub: Vector) -> None:
     """Raise ProblemError where lb > ub or a bound is infinite on the wrong side."""
     if (lb > ub).any():
         i = int(np.flatnonzero(lb > ub)[0])
-        raise ProblemError(f"{node}.lb", f"exceeds ub at {i}: {lb[i]:g} > {ub[i]:g}")
+        raise ProblemError(f"{node}.lb", f"exceeds ub at {i}: {lb[i]:g} > {ub[i]:g}, so that there is no solution")
     for name, bad in (("lb", lb == np.inf), ("ub", ub == -np.inf)):
         if bad.any():
             raise ProblemError(f"{node}.{name}", f"is infinite on the wrong side at {int(np.flatnonzero(bad)[0])}")

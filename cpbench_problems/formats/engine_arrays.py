@@ -31,6 +31,8 @@ GROUPED = "N..NT..T"
 NOTE = "note"
 """Property of a problem that says how its rows were taken."""
 Parts = dict[str, Any]
+CHECKED, APART = 1500, 3.0
+"""The most rows of which the order is doubted; the factor by which blocks of another order are better conditioned."""
 
 
 def in_order(arrays: NamedArrays, form: ArrayForm, cls: type[ContactProblem]) -> tuple[NamedArrays, dict[str, str]]:
@@ -48,11 +50,9 @@ def in_order(arrays: NamedArrays, form: ArrayForm, cls: type[ContactProblem]) ->
     d = rows // max(values["mu"].shape[0], 1)
     if order is not None:
         return permuted(made, form, symbol, _permutation(arrays, str(order), rows, d)), {NOTE: f"rows {order}"}
-    if issubclass(cls, LocalContact) and d == 3 and values["W"].shape == (rows, rows):
-        grouped = permuted(made, form, symbol, _permutation(arrays, GROUPED, rows, d)).values["W"]
-        if _singular(values["W"], d) and not _singular(grouped, d):
-            text = f"has singular blocks with the normal first in each {d} rows, and none in the order {GROUPED}"
-            raise arrays.error("W", f"{text}: add an array order, NTT or {GROUPED}")
+    if issubclass(cls, LocalContact) and d == 3 and rows == d * len(values["mu"]) and "q" in made:
+        _require_normals_first(made, form, symbol, d)
+        notes[NOTE] = "rows were read as N, T, T of each contact: an array order says another order"
     H = values.get("H")
     if issubclass(cls, GlobalContact) and H is not None and H.shape[0] == H.shape[1]:
         H = matrices.dense(H)
@@ -79,14 +79,20 @@ def engine_step(arrays: NamedArrays, form: ArrayForm) -> tuple[type[GlobalFricti
     dt = arrays.number("dt", 0.0)
     if dt <= 0.0 and ("dt" in arrays or "tau" in arrays or "phi" in arrays):
         raise arrays.error("dt", f"is {dt:g}, expected a time step > 0 beside tau and phi")
-    d, nc = _contacts(arrays, J.shape[0], (2, 3))
+    dense = matrices.dense(J)
+    framed = [
+        d
+        for d in (2, 3)
+        if not len(dense) % d and any(_frames(dense[at], d) for at in _orders(arrays, dense, d).values())
+    ]
+    d, nc = _contacts(arrays, J.shape[0], tuple(framed) or (2, 3))
     f = M @ v + dt * arrays.vector("tau", v.size)
     mu, phi, e = (_each(arrays, name, nc) for name in ("mu", "phi", "restitution"))
     gap = phi / dt if dt else phi
     if "order" in arrays:
         order = str(arrays.values["order"])
     else:
-        order = _decided(arrays, matrices.dense(J), d, Factorization(M).solve(f), gap)
+        order = _decided(arrays, dense, d, Factorization(M).solve(f), gap)
     J = permuted(arrays, form, "m", _permutation(arrays, order, J.shape[0], d)).values["J"].astype(np.float64)
     before, w = (J @ v)[::d], np.zeros(J.shape[0])
     w[::d] = np.where((e > 0.0) & (before < 0.0) & (before + gap <= 0.0), e * before, gap)
@@ -114,13 +120,14 @@ def _contacts(arrays: NamedArrays, rows: int, dimensions: tuple[int, ...]) -> tu
     """Return the rows of a contact and the number of contacts; raises FormatError where the arrays do not say it."""
     sizes = {arrays.values[name].size for name in ("mu", "phi", "restitution") if name in arrays} - {1}
     fits = [d for d in dimensions if rows % d == 0 and (not sizes or sizes == {rows // d})]
-    given = arrays.number("dimension", 0.0)
+    order = str(arrays.values.get("order", GROUPED))
+    given = arrays.number("dimension", 0.0) or (0 if order == GROUPED else len(order))
     if given:
         fits = [d for d in fits if d == given]
     if len(fits) != 1 and not (1 in dimensions and rows == 0):
         choices = " or ".join(f"{rows // d} contacts of {d} rows" for d in fits)
         cause = (
-            f"is one number for all contacts, {choices}: add an array dimension"
+            f"is one number for all contacts, {choices}: {_say('NTT, TTN, NT or TN')}, or dimension"
             if fits
             else (
                 f"has {', '.join(map(str, sorted(sizes))) or 'one'} numbers and the contacts {rows} rows, expected "
@@ -154,15 +161,18 @@ def _permutation(arrays: NamedArrays, order: str, rows: int, d: int) -> Any:
 def _decided(arrays: NamedArrays, J: Any, d: int, free: Vector, gap: Vector) -> str:
     """Return the one order of rows in which some contact closes by the free velocities and, where the velocities are
     those of free bodies, the rows of each contact are a frame. Raises FormatError where there is not exactly one."""
-    orders = ["N" + (d - 1) * "T", (d - 1) * "T" + "N", *([GROUPED] if gap.size > 1 else [])]
-    at = {order: J[_permutation(arrays, order, J.shape[0], d)] for order in orders}
-    framed = [order for order in orders if _frames(at[order], d)] or orders
-    fits = [order for order in framed if (at[order][::d] @ free + np.maximum(gap, 0.0) < 0.0).any()] or framed
+    at = _orders(arrays, J, d)
+    framed = [order for order in at if _frames(J[at[order]], d)] or [*at]
+    fits = [order for order in framed if (J[at[order][::d]] @ free + np.maximum(gap, 0.0) < 0.0).any()] or framed
     if len(fits) > 1:
-        raise arrays.error(
-            "order", f"is missing: the rows of J may be {' or '.join(fits)}; add an array order that says it"
-        )
+        raise arrays.error("order", f"is missing: the rows of J may be {' or '.join(fits)}; {_say(' or '.join(fits))}")
     return fits[0]
+
+
+def _orders(arrays: NamedArrays, J: Any, d: int) -> dict[str, Any]:
+    """Return where the rows of contacts are, normals first, in each order that J may have."""
+    orders = ["N" + (d - 1) * "T", (d - 1) * "T" + "N", *([GROUPED] if J.shape[0] > d else [])]
+    return {order: _permutation(arrays, order, J.shape[0], d) for order in orders}
 
 
 def _frames(J: Any, d: int) -> bool:
@@ -176,7 +186,35 @@ def _frames(J: Any, d: int) -> bool:
     return bool((each > 0.0).all() and np.allclose(gram, each[:, None, None] * np.eye(d), atol=1e-6 * each.max()))
 
 
-def _singular(W: Any, d: int) -> bool:
-    """Return whether the block of some contact is singular to rounding."""
-    values = np.linalg.eigvalsh(np.asarray(diagonal_blocks(W, d)))
-    return bool((values[:, 0] <= 1e-12 * np.abs(values[:, -1])).any())
+def _require_normals_first(arrays: NamedArrays, form: ArrayForm, symbol: str, d: int) -> None:
+    """Raise FormatError where the numbers of W and q speak for another order of rows than NTT, which W alone has: fewer
+    contacts are coupled, each contact is far better conditioned, or all of them close and at most half in NTT."""
+
+    def facts(order: str) -> tuple[int, float, int]:
+        there = permuted(arrays, form, symbol, _permutation(arrays, order, rows, d))
+        W, q = matrices.dense(there.matrix("W")), there.vector("q")
+        nc = q.size // d
+        size = np.abs(W).reshape(nc, d, nc, d).max(axis=(1, 3))
+        values = np.linalg.eigvalsh(np.asarray(diagonal_blocks(W, d)))
+        condition = float(np.max(values[:, -1] / np.maximum(values[:, 0], 1e-16 * np.abs(values[:, -1]))))
+        return int((size > 1e-12 * size.max()).sum()), condition, int((q[::d] <= 1e-9 * np.abs(q).max()).sum())
+
+    rows = arrays.vector("q").size
+    if not d <= rows <= CHECKED or arrays.values["W"].shape != (rows, rows) or not arrays.vector("q").any():
+        return
+    pairs, condition, closing = facts("NTT")
+    for order in (GROUPED, "TTN"):
+        other = facts(order)
+        why = ""
+        if other[0] < pairs:
+            why = f"couples {other[0]} pairs of contacts, NTT {pairs}"
+        elif APART * other[1] < condition:
+            why = f"has contacts of condition {other[1]:.2g}, NTT {condition:.2g}"
+        elif rows >= 4 * d and other[2] == rows // d >= 2 * closing:
+            why = f"closes all {other[2]} contacts by q, NTT {closing}"
+        if why:
+            raise arrays.error("W", f"may have other rows: the order {order} {why}: {_say(f'NTT or {order}')}")
+
+
+def _say(choices: str) -> str:
+    return f"add an array order, {choices} (cpbench pack FILE --axes ORDER -o NEW.h5)"

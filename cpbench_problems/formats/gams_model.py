@@ -74,12 +74,6 @@ class ModelReader:
     def model(self) -> Model:
         """Return the model; raises FormatError."""
         variables = [self._statements.variables[name] for name in self._column]
-        for name, variable in zip(self._column, variables, strict=True):
-            if variable.lo > variable.up or variable.lo == np.inf or variable.up == -np.inf:
-                bounds = f"{name}.lo = {variable.lo:g} and {name}.up = {variable.up:g}"
-                raise FormatError(
-                    self._path, f"line {variable.line}", f"declares {name} with {bounds}, which no number is between"
-                )
         model = Model(
             source=self._path,
             name="",

@@ -57,9 +57,16 @@ def _free(model: Model) -> Any:
 
 
 def _made(model: Model, path: Path, name: str, node: str, convex: bool) -> Problem:
-    if model.complementary or (node and node not in _PROGRAMS and not model.names):
+    pairs = model.complementary or (node and node not in _PROGRAMS and not model.names)
+    curved = node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear)
+    for k in np.flatnonzero(model.lb > model.ub).tolist():
+        if pairs or curved:
+            cause = f"has the bounds {model.lb[k]:g} and {model.ub[k]:g}: no number is between, there is no solution"
+            raise model.refused(model.names[k], cause)
+        model.uncross(k)
+    if pairs:
         return _complementarity(model, path, name, node)
-    if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
+    if curved:
         return build(path, NLP, "", name=name, convex=convex, **program(model))
     return _coneqp(model, path, name) if model.cones else _qp(model, path, name)
 

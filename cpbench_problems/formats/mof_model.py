@@ -100,6 +100,11 @@ class Model:
         self.above += [ModelRow(function, low)] if low > -math.inf else []
         self.above += [ModelRow(function, high, below=True)] if high < math.inf else []
 
+    def uncross(self, k: int) -> None:
+        """Make a row of an upper bound that is below the lower one: nothing satisfies both, and that is proved."""
+        self.constrain(Affine([k], [1.0], 0.0), -math.inf, float(self.ub[k]))
+        self.ub[k] = math.inf
+
     def refused(self, where: str, cause: str) -> FormatError:
         return FormatError(self.source, where, cause)
 

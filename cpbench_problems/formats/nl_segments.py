@@ -184,7 +184,7 @@ class Segments:
         elif kind != "3":
             source.refuse(f"has {kind!a}, expected the kind of an interval, 0 to {4 if row is None else 5}")
         source.end()
-        if low > high or low == math.inf or high == -math.inf:
+        if low == math.inf or high == -math.inf:
             source.refuse(f"has the interval from {low:g} to {high:g}, which no number is in")
         return low, high
 

@@ -25,7 +25,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.storage.base import OFFSET
 from cpbench_problems.applications import least_squares_problem
 from cpbench_problems.formats import two_sided
-from cpbench_problems.formats.file_rows import FileRows
+from cpbench_problems.formats.file_rows import ConicRows, FileRows, PackageRows
 from cpbench_problems.formats.named_arrays import NamedArrays, symmetrized
 from cpbench_problems.formats.program_forms import Program, Rows
 from cpbench_problems.formats.two_sided import INFINITE, infinite, require_sides, uncrossed
@@ -42,16 +42,17 @@ _OTHERS = {"s": "positive semidefinite matrices", "ep": "exponentials", "ed": "e
 @dataclass(frozen=True, eq=False)
 class RowBlock:
     """Rows of one matrix of a file, lower ≤ Ax ≤ upper; `disks` : the sizes of its cones of second order, whose rows
-    upper − Ax are its last."""
+    upper − Ax are its last; `order` : the number of each row in the file, None where it is the same."""
 
     name: str
     A: sp.csr_array
     lower: Vector
     upper: Vector
     disks: tuple[int, ...] = ()
+    order: Any = None
 
 
-def make_program(arrays: NamedArrays, form: str, meaning: Program) -> tuple[Made, FileRows | None]:
+def make_program(arrays: NamedArrays, form: str, meaning: Program) -> tuple[Made, PackageRows | None]:
     """Return the program of a form, and where its rows are; raises FormatError."""
     blocks = [_block(arrays, form, rows) for rows in meaning.rows if rows.matrix]
     if meaning.squares:
@@ -61,7 +62,7 @@ def make_program(arrays: NamedArrays, form: str, meaning: Program) -> tuple[Made
     Q = _hessian(arrays, form, meaning.hessian, p.size)
     lb, ub = _bounds(arrays, form, meaning, p.size)
     if any(block.disks for block in blocks):
-        return _conic(Q, p, blocks), None
+        return _conic(Q, p, blocks, meaning)
     for block in blocks:
         require_sides(arrays.path, block.lower, block.upper, block.name)
     parts, rows = _quadratic(meaning, blocks, lb, ub)
@@ -100,7 +101,8 @@ def _block(arrays: NamedArrays, form: str, rows: Rows) -> RowBlock:
         kind = np.repeat([kind for kind, _ in kinds], [size for _, size in kinds])
         order = np.argsort(kind == "SecondOrder", kind="stable")
         disks = tuple(size for kind, size in kinds if kind == "SecondOrder" and size)
-        return RowBlock(rows.matrix, A[order], np.where(kind == "Zero", upper, -np.inf)[order], upper[order], disks)
+        lower = np.where(kind == "Zero", upper, -np.inf)
+        return RowBlock(rows.matrix, A[order], lower[order], upper[order], disks, order)
     m = max([A.shape[0], *(arrays.vector(side).size for side in (rows.lower, rows.upper) if side)])
     if m > A.shape[0] and form == "DAQP":  # the first sides are those of the first unknowns
         n = A.shape[1] or m
@@ -207,20 +209,23 @@ def _quadratic(
     return uncrossed(parts | {"lb": lb, "ub": ub}), None if (lb > ub).any() else rows
 
 
-def _conic(Q: Any, p: Vector, blocks: list[RowBlock]) -> Made:
+def _conic(Q: Any, p: Vector, blocks: list[RowBlock], meaning: Program) -> tuple[Made, ConicRows]:
     """Return equations, then rows below a side, then cones of second order; rows without a side are left out."""
-    equal = [(block.A[at], block.lower[at]) for block in blocks for at in [block.lower == block.upper]]
-    flat = [block.upper.size - sum(block.disks) for block in blocks]
-    half = [(b.A[at], b.upper[at]) for b, k in zip(blocks, flat, strict=True)
-            for at in [np.flatnonzero((b.lower != b.upper)[:k] & np.isfinite(b.upper[:k]))]]  # fmt: skip
-    disks = [(block.A[k:], block.upper[k:]) for block, k in zip(blocks, flat, strict=True)]
-    rows = [*((A, -b) for A, b in equal), *((-A, b) for A, b in half), *((-A, b) for A, b in disks)]
-    counts = [sum(b.size for _, b in part) for part in (equal, half)]
-    factors = [(Cone.ZERO, 1, counts[0]), (Cone.NONNEGATIVE, 1, counts[1])]
+    A, upper = sp.csr_array(sp.vstack([block.A for block in blocks])), np.concatenate([block.upper for block in blocks])
+    equal = np.concatenate([block.lower for block in blocks]) == upper
+    sizes = {block.name: block.upper.size for block in blocks}
+    starts = np.cumsum([0, *sizes.values()])
+    order = [np.arange(block.upper.size) if block.order is None else block.order for block in blocks]
+    place = np.concatenate([start + at for start, at in zip(starts, order, strict=False)])
+    curved = np.concatenate([np.arange(block.upper.size) >= block.upper.size - sum(block.disks) for block in blocks])
+    parts = [np.flatnonzero(at) for at in (equal & ~curved, ~equal & ~curved & np.isfinite(upper), curved)]
+    rows, sign = np.concatenate(parts), np.repeat([-1.0, 1.0, 1.0], [part.size for part in parts])
+    factors = [(Cone.ZERO, 1, parts[0].size), (Cone.NONNEGATIVE, 1, parts[1].size)]
     factors += [(Cone.SECOND_ORDER, 1, size, 1.0) for block in blocks for size in block.disks]
-    parts = {"Q": matrices.sparse(matrices.matrix(Q, "P")), "p": p}
-    parts |= {"A": sp.csr_array(sp.vstack([A for A, _ in rows])), "b": np.concatenate([b for _, b in rows])}
-    return ConeQP, {**parts, **cone_fields(ProductCone.of(*(f for f in factors if f[2])))}, {}
+    data = {"Q": matrices.sparse(matrices.matrix(Q, "P")), "p": p}
+    data |= {"A": sp.csr_array(sp.diags_array(-sign) @ A[rows]), "b": sign * upper[rows]}
+    cones = cone_fields(ProductCone.of(*(f for f in factors if f[2])))
+    return (ConeQP, {**data, **cones}, {}), ConicRows(meaning, sizes, place[rows], sign)
 
 
 def _squares(arrays: NamedArrays, meaning: Program, blocks: list[RowBlock]) -> Made:

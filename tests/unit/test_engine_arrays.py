@@ -10,6 +10,7 @@ import pytest
 
 import cpbench
 from cpbench.errors import FormatError
+from cpbench.formulations import GlobalFrictionContact
 
 ORDER = {"NTT": [0, 1, 2], "TTN": [1, 2, 0]}
 DT = 0.01
@@ -35,12 +36,12 @@ def read(tmp_path: Path, arrays: dict[str, Any]) -> Any:
 @pytest.mark.parametrize("said", [True, False])
 def test_a_step_is_the_same_in_every_order(tmp_path: Path, order: str, said: bool) -> None:
     given = step()
-    wanted = cpbench.formulations.GlobalFrictionContact(
+    wanted = GlobalFrictionContact(
         M=given["M"], H=given["J"].T, f=given["M"] @ given["v"] + DT * given["tau"], w=np.zeros(12), mu=given["mu"]
     )
     more = {"order": order} if said else {"v": np.array([0.4, 0.4, 0, 0, 0, 0])}
     if not said:  # all move along the positive tangents: the loads press on the normals alone
-        wanted = cpbench.formulations.GlobalFrictionContact(
+        wanted = GlobalFrictionContact(
             M=given["M"], H=given["J"].T, f=given["M"] @ more["v"] + DT * given["tau"], w=np.zeros(12), mu=given["mu"]
         )
     assert read(tmp_path, step(order) | more).fingerprint == wanted.fingerprint
@@ -53,8 +54,10 @@ def test_what_the_numbers_do_not_decide_is_asked_for(tmp_path: Path) -> None:
     with pytest.raises(
         FormatError, match=r"mu: is one number for all contacts, 6 contacts of 2 rows or 4 contacts of 3"
     ):
-        read(tmp_path, step() | {"mu": 0.5})
-    assert read(tmp_path, step() | {"mu": 0.5, "dimension": 3, "order": "NTT"}).nc == 4
+        read(tmp_path, step() | {"mu": 0.5, "J": step()["J"] * np.arange(1.0, 7.0)})  # no frames
+    sliding = {"mu": 0.5, "v": np.array([0.4, 0.4, 0, 0, 0, 0])}
+    assert (read(tmp_path, step() | sliding).dimension, read(tmp_path, step("N..NT..T") | sliding).nc) == (3, 4)
+    assert read(tmp_path, step() | {"mu": 0.5, "order": "NTT"}).nc == 4
     assert read(tmp_path, step() | {"mu": 0.5, "phi": np.zeros(4), "order": "NTT"}).nc == 4
     with pytest.raises(FormatError, match=r"dt: is 0, expected a time step > 0 beside tau and phi"):
         read(tmp_path, {name: value for name, value in step().items() if name != "dt"})
@@ -86,11 +89,15 @@ def test_one_coefficient_and_orders_of_other_forms(tmp_path: Path, node: str) ->
     wanted = read(tmp_path, arrays(given))
     assert read(tmp_path, arrays(given) | {"mu": 0.5, "dimension": 3}).fingerprint == wanted.fingerprint
     assert read(tmp_path, arrays(grouped) | {"order": "N..NT..T"}).fingerprint == wanted.fingerprint
-    if node == "fc":  # a block of normals alone is singular
-        with pytest.raises(
-            FormatError, match=r"W: has singular blocks .* none in the order N\.\.NT\.\.T: add an array order"
-        ):
-            read(tmp_path, arrays(step("N..NT..T", 0.0)))
+    if node == "gfc":
+        return
+    assert "N, T, T of each contact" in wanted.info.properties["note"]
+    for order, why in (
+        ("N..NT..T", r"has contacts of condition [\d.]+, NTT 1e\+16"),
+        ("TTN", "closes all 4 contacts by q"),
+    ):
+        with pytest.raises(FormatError, match=rf"W: may have other rows: the order {order} {why}"):
+            read(tmp_path, arrays(step(order, 0.0) | {"v": np.array([0.4, 0.1, 0, 0, 0, 0])}))
 
 
 def test_a_square_J_is_not_taken_for_H(tmp_path: Path) -> None:

@@ -366,7 +366,7 @@ REFUSED = {
     "level": (GOOD.replace("Model", "x.l = inf;\nModel"), "has x.l = inf, expected a finite number"),
     "crossed": (
         GOOD.replace("Model", "x.lo = 2; x.up = 1;\nModel").replace("=E=", "=N="),
-        "line 1: declares x with x.lo = 2 and x.up = 1, which no number is between",
+        "x: has the bounds 2 and 1: no number is between, there is no solution",
     ),
     "relation": (GOOD.replace("=E=", "=X=", 1), "line 3: has '=X=' in the equation e, expected =E=, =G=, =L= or =N="),
     "bounded": (GOOD.replace("Model", "x.lo = 0;\nModel"), "line 3: has =E= in e.x with 0 <= x <= inf, expected =G="),

@@ -105,11 +105,6 @@ def _texts(path: Path) -> None:
     np.savetxt(path.with_name(path.name.replace("-M", "-q")), Q)
 
 
-def _triples(path: Path) -> None:
-    entries = [f"{i} {j} {M[i, j]}" for i, j in np.ndindex(M.shape)]
-    path.write_text("\n".join([*entries, *(f"q {i} {value}" for i, value in enumerate(Q))]))
-
-
 def _save(problem: Callable[[], Any], **options: Any) -> Callable[[Path], None]:
     return lambda path: cpbench.save(problem(), path, **options)
 
@@ -131,13 +126,12 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "model.mof.json": _save(_program),
     "siconos.dat": _save(_lcp),
     "case-M1.txt": _texts,
-    "triples.txt": _triples,
     "plan.toml": lambda path: path.write_text(PLAN),
     "results.sqlite": _results,
 }
 """How a file of each format is made, by its name."""
 TEXTS = ("program.mps", "program.lp", "program.nl", "binary.nl", "model.gms", "model.mof.json",
-         "siconos.dat", "case-M1.txt", "triples.txt", "plan.toml")  # fmt: skip
+         "siconos.dat", "case-M1.txt", "plan.toml")  # fmt: skip
 """Files of which pieces of the text are moved as well."""
 NEEDS = {"plan.toml": ("cpbench_solvers",)}
 

@@ -243,7 +243,7 @@ REFUSED: dict[str, tuple[str, str]] = {
     "no terms": (GOOD.replace("J0 2\n0 3\n1 -1\n", ""), "has 0 linear terms of constraints (J), its header says 2"),
     "no gradient": (GOOD.replace("G0 2\n0 0.3\n1 0\n", ""), "has 0 linear terms of the objective (G), its header says"),
     "columns": (GOOD.replace("k1\n1\n", "k1\n2\n"), "has other lengths of columns in k than its terms in J have"),
-    "sides": (GOOD.replace("0 -1 4", "0 4 -1"), "has the interval from 4 to -1, which no number is in"),
+    "sides": (GOOD.replace("0 -1 4", "2 Infinity"), "has the interval from inf to inf, which no number is in"),
     "interval": (GOOD.replace("0 -1 4", "7 -1 4"), "line 28: has '7', expected the kind of an interval, 0 to 5"),
     "term twice": (GOOD.replace("1 -1", "0 -1"), "has a variable twice in the linear terms of a row"),
     "sets": (GOOD + "S0 1 sosno\n0 1\n", "has the suffix sosno of special ordered sets"),

@@ -237,6 +237,21 @@ def test_the_answer_of_a_package_is_read_in_its_names_and_signs(form: str, tmp_p
     assert all(np.allclose(again[name], answer[name], atol=1e-5) for name in answer)
 
 
+def test_multipliers_of_cones_have_the_rows_of_the_file(tmp_path: Path) -> None:
+    """A cone of second order before other rows, and a row without a side: planted x, s and z with sᵀz = 0."""
+    cones = np.array(["SecondOrderConeT(3)", "NonnegativeConeT(3)", "ZeroConeT(1)"])
+    s, z = np.array([1.0, 0.6, 0.8, 0.0, 2.0, np.inf, 0.0]), np.array([1.0, -0.6, -0.8, 3.0, 0.0, 0.0, -2.0])
+    M, x = rng.integers(-3, 4, (7, n)) + 0.5, rng.integers(-3, 4, n) + 0.0
+    arrays = {"P": np.triu(P), "q": -(P @ x + M.T @ z), "A": M, "b": M @ x + s, "cones": cones}
+    problem: Any = storage.load(saved(tmp_path / "p.npz", arrays))
+    point: Any = storage.load_answer(saved(tmp_path / "a.npz", {"x": x, "z": z}), problem, primal=True)
+    assert (problem.node, problem.b.size) == ("coneqp", 6)
+    assert judge(problem, point, 1e-6).error <= 1e-14
+    rows: Any = file_rows(problem)
+    assert np.array_equal(rows.shown(point)["z"], z)
+    assert judge(problem, rows.point(problem, {"x": x, "z": z[::-1]}), 1e-6).error > 0.01
+
+
 def test_an_answer_with_other_arrays_is_refused_by_name(tmp_path: Path) -> None:
     problem: Any = storage.load(saved(tmp_path / "p.npz", FORMS["qpsolvers"][0]))
     for more, cause in (
@@ -275,6 +290,23 @@ def test_a_hessian_that_is_not_symmetric_is_named_with_its_meanings(tmp_path: Pa
         problem: Any = storage.load(tmp_path / f"{how}.h5")
         lower = np.tril(P + np.triu(EYE[::-1]))
         assert np.allclose(problem.Q, lower + np.tril(lower, -1).T if wanted is None else wanted, rtol=1e-15)
+
+
+@pytest.mark.parametrize("suffix", ["gms", "nl", "mof.json"])
+def test_crossed_bounds_of_a_model_are_a_problem_without_a_solution(suffix: str, tmp_path: Path) -> None:
+    """A program with affine rows has a proof; of another one the bounds are named."""
+    path = tmp_path / f"p.{suffix}"
+    text = "Variables z, a; Equations e;\ne.. z - a*a =E= 0;\na.lo = 4; a.up = 3;\nModel m / all /;\n"
+    if suffix == "gms":
+        path.write_text(f"{text}Solve m using NLP minimizing z;\n")
+    else:
+        storage.save(QP(Q=EYE, p=q, lb=np.full(n, 2.25), ub=np.full(n, 3.0)), path)
+        path.write_text(path.read_text().replace("2.25", "3.5"))
+    assert prove(storage.load(path), "infeasible", seconds=5.0).proof is not None
+    if suffix == "gms":
+        path.write_text(f"{text.replace('a*a', 'exp(a)')}Solve m using NLP minimizing z;\n")
+        with pytest.raises(FormatError, match="a: has the bounds 4 and 3: no number is between, there is no solution"):
+            storage.load(path)
 
 
 def test_crossed_bounds_are_a_problem_without_a_solution(tmp_path: Path) -> None:
