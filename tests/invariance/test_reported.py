@@ -51,24 +51,12 @@ def _known_or_unresolvable(problem: Any, point: Any, *tolerances: float) -> None
         assert verdict.solved or "unresolvable" in verdict.flags, said
 
 
-# an idle side hides a row that is missed
-
-
-# nodes without a unit-free number, and scales at a far point
-
-
 @pytest.mark.parametrize("bound", [0.0, 1e-8, 1e-6, 1e-3])
 def test_the_size_of_f_at_a_bound_is_no_scale(bound: float) -> None:
     """F = z − 1/z is 1/bound there; at 2 it is 1.5, and 0 at 1."""
     problem = MiCP(F=graph(1, lambda z: z - 1.0 / z), lb=[bound], ub=[INF], start=np.ones(1))
     _never(problem, MiCPPoint(z=[2.0]))
     _always(problem, MiCPPoint(z=[1.0]))
-
-
-# units of programs
-
-
-# self-stress
 
 
 def _squeezed(reaction: list[float], stress: float) -> tuple[FrictionContact, FCPoint]:
@@ -98,9 +86,6 @@ def test_self_stress_of_a_joint_hides_no_wrong_motion(stress: float) -> None:
     answer = GFCPoint(v=v, r=[stress, 0.0, 0.0], lam=[1.0 - stress])
     _always(problem, answer)
     _never(problem, dataclasses.replace(answer, v=v * 1.02))
-
-
-# right to the last bit
 
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10, 1e12, 1e14])

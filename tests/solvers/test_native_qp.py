@@ -137,16 +137,6 @@ def test_a_proof_of_unboundedness_must_hold() -> None:
     assert unboundedness(problem, np.array([0.0, -3.0])) is None
 
 
-@pytest.mark.parametrize("name", ["interior-point-qp", "augmented-lagrangian"])
-def test_sparse_and_dense_agree(name: str) -> None:
-    problem = banded(90, np.random.default_rng(0))
-    full = QP.build(
-        problem.Q.toarray(), problem.p, problem.A.toarray(), problem.b, problem.C.toarray(), problem.d, problem.lb
-    )
-    one, other = solved(name, problem, 1e-8), solved(name, full, 1e-8)
-    np.testing.assert_allclose(one.point.z, other.point.z, atol=1e-4)
-
-
 def test_a_singular_q_is_refused() -> None:
     problem = planted.qp(np.random.default_rng(2), 8, 5, 0, "singular semidefinite")[0]
     assert "singular" in (solvers.get("dual-active-set").obstacle(problem) or "")
@@ -311,17 +301,6 @@ def test_presolved_answers_are_those_of_the_whole(seed: int) -> None:
 def small(problem: QP) -> Any:
     """What one compiled call finds, None where it ends without."""
     return in_one_call(problem, 1e-9, ProximalActiveSetOptions())
-
-
-@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
-@pytest.mark.parametrize("n", [1, 2, 12])
-def test_one_compiled_call_solves_small_problems(kind: str, n: int) -> None:
-    for seed in range(5):
-        problem = planted.qp(np.random.default_rng(seed), n, n, n // 3, kind)[0]
-        output = small(problem)
-        assert output is not None
-        assert output.claim is Claim.SOLVED
-        assert problem.residuals(output.point).error <= 1e-9
 
 
 def test_one_compiled_call_tells_what_is_not_convex_and_leaves_the_rest() -> None:

@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.conversions.base import make
-from cpbench.errors import CpbenchError
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.verification import judge
 
 ROUNDING = 1e-13
 """Errors below this are rounding: ratios are taken over at least this much."""
-EXACT_EDGES = ("qp-coneqp", "qp-nlp", "qp-mlcp", "qp-avi")
 
 Written = tuple[str, Any, Any]
 
@@ -118,14 +115,6 @@ def rewritten(rng: np.random.Generator, p: Any, x: QPPoint) -> Iterator[Written]
         yield _slacks(p, x)
     yield _units(p, x, rng)
     yield _linear_term_as_unknown(p, x)
-    for name in EXACT_EDGES:
-        edge = make(name)
-        if edge.obstacle(p) is None:
-            try:
-                target, trace = edge.apply(p)
-                yield name, target, edge.push(x, trace)
-            except CpbenchError:
-                continue
 
 
 @dataclass(frozen=True)

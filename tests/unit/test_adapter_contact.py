@@ -53,15 +53,6 @@ PLANTED = {
 
 @with_pinocchio
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
-@pytest.mark.parametrize("name", PLANTED)
-def test_admm_solves_planted_contacts(name, tolerance) -> None:
-    output = ADMM.run(PLANTED[name], Budget(tolerance=tolerance))
-    assert output.claim is Claim.SOLVED
-    assert judge(PLANTED[name], output.point, tolerance).solved
-
-
-@with_pinocchio
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("problem", [box(3), box(), box(12)], ids=["3", "4", "12"])
 def test_pgs_solves_contacts_of_even_tangents(problem, tolerance) -> None:
     output = PGS.run(problem, Budget(tolerance=tolerance))
@@ -150,15 +141,6 @@ def test_mujoco_solves_the_compliant_contact_and_not_the_rigid_one(name, complia
     assert output.claim is Claim.SOLVED
     assert judge(target, output.point, 1e-6).solved
     assert not judge(problem, graph.lift(target, output.point), 1e-6).solved
-
-
-@with_mujoco
-@pytest.mark.parametrize("name", PLANTED)
-def test_mujoco_and_clarabel_agree_on_what_is_strictly_convex(name) -> None:
-    """A strictly convex program has one solution: x, and y = Qx + p."""
-    target = make("fc-coneqp-compliant", {"compliance": 1e-2}).step(PLANTED[name])
-    one, other = (solvers.get(s).run(target, Budget(tolerance=1e-9)).point for s in ("mujoco-soft", "clarabel-coneqp"))
-    assert np.abs(one.x - other.x).max() <= 1e-5 * np.abs(other.x).max()
 
 
 @with_mujoco

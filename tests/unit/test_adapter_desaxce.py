@@ -88,9 +88,6 @@ def test_refusals(desaxce: Any) -> None:
     assert "semidefinite" in str(desaxce.obstacle(indefinite))
 
 
-SEEDS = range(4)
-
-
 def answered(problem, *edges: str, by: str):
     """The answer of the solver `by` to the problem at the end of the edges, lifted to the problem."""
     there = problem
@@ -101,14 +98,8 @@ def answered(problem, *edges: str, by: str):
     return graph.lift(there, output.point)
 
 
-# ------------------------------------------------------------------------------------------------- qp
-
-
-# --------------------------------------------------------------------------------------------- contact
-
-
 @pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", range(4))
 def test_friction_without_condensation_by_the_fixed_point_on_de_saxce(seed):
     """min ½vᵀMv − fᵀv over Hᵀv + w + s e_N ∈ K* with s := μ‖u_T‖ until it stays, against the condensed problem."""
     problem, _ = planted_contact.gfc(np.random.default_rng(seed), 5, 3, 1, 3)
@@ -128,6 +119,3 @@ def test_friction_without_condensation_by_the_fixed_point_on_de_saxce(seed):
     condensed = answered(mild, "gfc-fc", by="nsgs")
     assert mild.residuals(condensed).error <= 1e-8
     np.testing.assert_allclose(condensed.v, point.v, atol=1e-6)
-
-
-# ----------------------------------------------------------------------------------------------- boxes

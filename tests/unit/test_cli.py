@@ -56,12 +56,6 @@ def test_the_help_has_the_sentence_of_every_command(monkeypatch, capsys) -> None
         assert f" {name} {' '.join(sentence.split())}" in told
 
 
-def test_help_loads_no_numpy() -> None:
-    code = "import cpbench.cli, sys; cpbench.cli.cli(['--help'], standalone_mode=False); print('numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("False\n")
-
-
 @pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("text", "options", "word"),
@@ -109,15 +103,6 @@ def test_unknown_names_offer_the_nearest(monkeypatch, capsys, lcp, contact, argu
     assert set(lcp.parent.iterdir()) == before
 
 
-def test_no_route_names_the_obstacle_and_the_approximate_routes(monkeypatch, capsys, contact) -> None:
-    assert cpbench(monkeypatch, "convert", contact, contact.parent / "o.h5", "--to", "lcp") == 2
-    said = capsys.readouterr().err
-    assert "fc-lcp-2d" in said
-    assert "--routes all" in said
-    assert "fc-lcp-inner" in said
-    assert not (contact.parent / "o.h5").exists()
-
-
 @pytest.mark.nightly
 def test_convert_solve_lift_verify_in_several_processes(contact) -> None:
     """The faceted LCP, solved by Lemke, lifted elsewhere, measured on the contact problem."""
@@ -145,20 +130,6 @@ def test_convert_solve_lift_verify_in_several_processes(contact) -> None:
     r = np.load(folder / "r.npy")
     np.testing.assert_allclose(r[3:], 0, atol=1e-12)
     assert np.hypot(r[1], r[2]) == pytest.approx(0.5 * r[0], rel=2e-3)  # sliding, on the polygon
-
-
-def test_verify_takes_plain_vectors(monkeypatch, capsys, lcp, tmp_path) -> None:
-    answer = np.array([4 / 3, 7 / 3])
-    np.save(tmp_path / "z.npy", answer)
-    np.savetxt(tmp_path / "z.csv", answer, fmt="%.17g")
-    for name in ("z.npy", "z.csv"):
-        assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / name, "-t", "1e-12") == 0
-    np.save(tmp_path / "bad.npy", -answer)
-    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "bad.npy") == 1
-    np.save(tmp_path / "long.npy", np.ones(3))
-    capsys.readouterr()
-    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "long.npy") == 2
-    assert "3 numbers, expected 2" in capsys.readouterr().err
 
 
 @pytest.mark.needs("cpbench_solvers")
