@@ -79,10 +79,10 @@ class PlotCommand(click.Command):
             return
         super().format_help_text(ctx, formatter)
         for title, of_runs in (("Kinds of runs", True), ("Kinds of problems", False)):
-            with formatter.section(title):
-                formatter.write_dl(
-                    [(name, text) for name, (_, text) in _kinds().items() if _draws_runs(name) == of_runs]
-                )
+            kinds = [(name, text) for name, (_, text) in _kinds().items() if _draws_runs(name) == of_runs]
+            if kinds:  # none of problems without the laboratory
+                with formatter.section(title):
+                    formatter.write_dl(kinds)
 
 
 def _parameters(kind: FigureKind, given: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, str]]:

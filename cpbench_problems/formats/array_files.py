@@ -114,7 +114,7 @@ def _headers(path: Path) -> dict[str, Shape | None]:
 
     def attempt() -> None:  # all that this process reads after it, in its order
         _mat_shapes(path)
-        scipy.io.loadmat(path)
+        scipy.io.loadmat(path, spmatrix=False)
 
     read_head(path)
     require_survivor(path, attempt, "SciPy's reader", _SECONDS)
@@ -130,7 +130,7 @@ def array_values(path: Path, optional: Collection[str] = ()) -> dict[str, Any]:
     import scipy.io
 
     result: dict[str, Any] = {}
-    for name, value in _guarded(path, scipy.io.loadmat).items():
+    for name, value in _guarded(path, lambda file: scipy.io.loadmat(file, spmatrix=False)).items():
         if name.startswith("__"):
             continue
         if sp.issparse(value):
@@ -167,7 +167,7 @@ def _mat_shapes(path: Path) -> dict[str, Shape | None]:
     result: dict[str, Shape | None] = {}
     for name, shape, kind in _guarded(path, scipy.io.whosmat):
         if kind == "struct":
-            one = _guarded(path, lambda file, name=name: scipy.io.loadmat(file, variable_names=[name]))
+            one = _guarded(path, lambda file, name=name: scipy.io.loadmat(file, spmatrix=False, variable_names=[name]))
             result |= dict.fromkeys(_struct(path, name, one[name]))
         else:
             result[name] = tuple(map(int, shape))

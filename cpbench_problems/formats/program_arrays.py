@@ -81,7 +81,7 @@ def _hessian(arrays: NamedArrays, form: str, name: str, n: int) -> Any:
         return np.zeros((n, n))
     P, triangle = arrays.matrix(name), TRIANGLE.get(form)
     if triangle is not None and P.shape == (n, n):
-        other = sp.tril(P, -1) if triangle == "upper" else sp.triu(P, 1)
+        other = sp.tril(sp.coo_array(P), -1) if triangle == "upper" else sp.triu(sp.coo_array(P), 1)
         if not other.count_nonzero():
             return symmetrized(P, triangle)
     return arrays.symmetric(name)

@@ -20,7 +20,6 @@ from mkdocs.structure.files import File, Files
 
 PAGES: dict[str, Callable[[], str | bytes]] = {
     "reference/python.md": interface_page.page,
-    "reference/commands.md": command_page.page,
     "reference/formulations.md": registry_pages.formulations_page,
     "reference/conversions.md": registry_pages.conversions_page,
     "reference/solvers.md": registry_pages.solvers_page,
@@ -40,6 +39,6 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages to those that are written by hand."""
     for path, make in PAGES.items():
         files.append(File.generated(config, path, content=make()))
-    for path, content in tutorial_pages.files().items():
+    for path, content in {**command_page.files(), **tutorial_pages.files()}.items():
         files.append(File.generated(config, path, content=content))
     return files

@@ -28,5 +28,9 @@ def files() -> dict[str, bytes]:
         made["reference/conversions.svg"] = picture.getvalue()
     finally:
         sys.path.remove(str(ROOT / "docs"))
-    pictures = {"ratios.png": "speed/ratios.png", "motion.svg": "motion/motion.svg"}
+    pictures = {
+        "profile.png": "contact/profile-fc-1e-06-cold-1.png",
+        "ratios.png": "speed/ratios.png",
+        "motion.svg": "motion/motion.svg",
+    }
     return {**made, **{f"assets/{name}": (ROOT / "reports" / path).read_bytes() for name, path in pictures.items()}}

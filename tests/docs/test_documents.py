@@ -12,6 +12,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import click
@@ -69,6 +70,15 @@ def test_commands_and_their_options_exist(page: Path) -> None:
     for line in command_lines(page, "sh", "console"):
         for part in line.split("&&"):
             assert_known(part.strip().removeprefix("cpbench "), line)
+
+
+def test_each_command_has_an_example() -> None:
+    """The pages of the commands run them while they are made."""
+    examples = tomllib.loads((ROOT / "docs/generate/command_examples.toml").read_text("utf-8"))
+    assert list(examples) == cli.list_commands(click.Context(cli))
+    for name, example in examples.items():
+        assert example["run"].split()[:2] == ["cpbench", name]
+        assert_known(example["run"].removeprefix("cpbench "), name)
 
 
 def assert_known(part: str, line: str) -> None:

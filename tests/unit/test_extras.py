@@ -64,7 +64,7 @@ def test_an_extra_that_a_message_names_brings_the_guest() -> None:
 
 def test_type_checkers_take_the_types_of_each_package() -> None:
     packages = TOML["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
-    assert len(packages) == 5
+    assert "cpbench" in packages
     assert [name for name in packages if not (ROOT / name / "py.typed").is_file()] == []
 
 

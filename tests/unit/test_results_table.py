@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sqlite3
 from collections.abc import Iterable, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def file_of(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
 
 def asked_directly(path: Path) -> pd.DataFrame:
     """The same rows, a Python object a cell, in SQLite's order."""
-    with sqlite3.connect(path) as db, pd.option_context("mode.string_storage", "python"):
+    with closing(sqlite3.connect(path)) as db, pd.option_context("mode.string_storage", "python"):
         names = ", ".join(f'"{name}"' for name in KINDS)
         found = pd.DataFrame(db.execute(f"SELECT {names} FROM rows ORDER BY problem, label, key"), columns=list(KINDS))
     for name in (name for name, kind in KINDS.items() if kind == "REAL"):

@@ -62,9 +62,9 @@ def test_export_has_the_digits_too(tmp_path: Path) -> None:
     words = ["results", "export", str(path), "--rows", str(tmp_path / "r.csv")]
     done = CliRunner().invoke(cli, words)
     assert done.exit_code == 0, done.output
-    read = pd.read_csv(tmp_path / "r.csv", float_precision="round_trip").set_index("status")
-    assert read.at["solved", "error"] == 1.2345678901234567e-13
-    assert read.at["solved", "solve"] == 1 / 3
+    read = pd.read_csv(tmp_path / "r.csv", dtype=str).set_index("status")
+    assert float(read.at["solved", "error"]) == 1.2345678901234567e-13
+    assert float(read.at["solved", "solve"]) == 1 / 3
     assert "\n" not in str(read.at["unsupported", "message"])
     assert CliRunner().invoke(cli, words).exit_code != 0
 

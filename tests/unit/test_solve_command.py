@@ -217,6 +217,7 @@ def squeezed(opposed: float, dimension: int = 3) -> FrictionContact:
     return FrictionContact(W=W, q=np.tile(-np.eye(dimension)[0], 2), mu=[0.5, 0.5], dimension=dimension)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_has_no_solution_is_not_called_a_failure() -> None:
     for problem, status in ((squeezed(1.0), Status.INFEASIBLE), (QP.build(SADDLE, -np.ones(2)), Status.UNBOUNDED)):
         found = cpbench.solve(problem, seconds=5.0)
@@ -226,6 +227,7 @@ def test_what_has_no_solution_is_not_called_a_failure() -> None:
         assert cpbench.solve(problem, seconds=5.0).status not in (Status.INFEASIBLE, Status.UNBOUNDED)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_proof_on_an_equivalent_problem_is_one_of_the_problem_that_was_asked() -> None:
     """No conditions are known of a nonlinear map; those of the LCP that it is stand for it."""
     problem = cpbench.convert(NO_POINT, "ncp").problem

@@ -153,7 +153,7 @@ def test_mat_constraints_are_the_file_s(name: str, shared_data: Path, rng: np.ra
     file = shared_data / "qp" / f"{name}.mat"
     problem = storage.load(file)
     assert isinstance(problem, QP)
-    raw = scipy.io.loadmat(file)
+    raw = scipy.io.loadmat(file, spmatrix=False)
     A, lower, upper = sp.csr_array(raw["A"]), raw["l"].ravel().astype(float), raw["u"].ravel().astype(float)
     lower[lower <= -1e20], upper[upper >= 1e20] = -np.inf, np.inf
     for _ in range(5):

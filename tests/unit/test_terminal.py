@@ -73,6 +73,7 @@ def test_a_row_stays_a_line_in_a_pipe(run: Run, monkeypatch: pytest.MonkeyPatch)
     assert len({row.index(" -> ") for row in rows}) == 1, "aligned"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_formulation_is_a_name_for_its_solvers(run: Run) -> None:
     told = run("list", "solvers", "lcp")[1].splitlines()
     rows = [line.split() for line in told if "  lcp  " in line]

@@ -41,7 +41,7 @@ def verify(folder: Path, problem: Problem, answer: list[float], *options: str) -
         (QP.build(Q=np.diag([1.0, -1.0]), p=np.zeros(2)), NOT_CONVEX),
     ],
 )
-@pytest.mark.parametrize("options", [(), ("--all-measures",)])
+@pytest.mark.parametrize("options", [(), pytest.param(("--all-measures",), marks=pytest.mark.needs("cpbench_lab"))])
 def test_a_stationary_answer_never_passes(tmp_path: Path, problem: Problem, first: str, options: tuple[str]) -> None:
     code, lines = verify(tmp_path, problem, [0.0, 0.0], *options)
     assert (code, lines[0]) == (1, f"p.h5: error 0, {first}")

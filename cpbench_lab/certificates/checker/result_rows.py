@@ -11,6 +11,7 @@ import math
 import sqlite3
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def is_results_file(path: str) -> bool:
 
 def rows(path: str) -> Iterator[tuple[str, Callable[[], Parts]]]:
     """Yield the name of every row that says more than that its answer was measured, and what reads its certificate."""
-    with sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True) as db:
+    with closing(sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)) as db:
         for problem, label, *values in db.execute(QUERY):
             yield f"{path}: {problem}  {label}", lambda values=values: certificate(*values)
 
