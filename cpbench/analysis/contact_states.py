@@ -93,20 +93,6 @@ def _coefficients(problem: ContactProblem, d: int) -> Dense:
     return np.repeat(mu[:, None], d - 1, axis=1)
 
 
-def angle_between(a: Vector, b: Vector) -> float:
-    """Return ∠(a, b) [deg], NaN where one of them is 0.
-
-    >>> round(angle_between(np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.0])), 9)
-    45.0
-    """
-    size = norm(a) * norm(b)
-    if size == 0:
-        return float("nan")
-    # the half-angle formula keeps its digits near 0° and 180°, where the arc cosine loses half of them
-    x, y = a / norm(a), b / norm(b)
-    return float(np.degrees(2.0 * np.arctan2(norm(x - y), norm(x + y))))
-
-
 def forces(states: ContactStates, contacts: Contacts) -> Dense:
     """Return reactions in the axes of the scene, on the first body of each contact: Σ_i r_i times row i of the
     frame.
@@ -115,19 +101,3 @@ def forces(states: ContactStates, contacts: Contacts) -> Dense:
     """
     frame = np.asarray(contacts.frame)[:, : states.r.shape[1]]
     return np.asarray(np.einsum("ci,cik->ck", states.r, frame))
-
-
-def most_rubbing(states: ContactStates) -> int:
-    """Return the contact whose friction does most work, −r_Tᵀu_T; without one, that with the largest reaction; 0 of
-    none.
-
-    >>> import numpy as np
-    >>> r, u = np.array([[2.0, 0, 0], [1, -1, 0]]), np.array([[0.0, 0, 0], [0, 3, 0]])
-    >>> most_rubbing(ContactStates(r, u, np.ones((2, 2)), r[:, 1:] / r[:, :1], np.array(["stick", "slip"])))
-    1
-    """
-    if not len(states.r):
-        return 0
-    work = -np.einsum("ci,ci->c", states.r[:, 1:], states.u[:, 1:])
-    slipping = np.where(states.state == str(State.SLIP), work, 0.0)
-    return int(np.argmax(slipping)) if slipping.max() > 0 else int(np.argmax(np.linalg.norm(states.r, axis=1)))

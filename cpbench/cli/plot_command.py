@@ -1,4 +1,4 @@
-"""Draw a figure of a run (profile, precision, convergence) or of a problem (friction cone, contacts, ...)."""
+"""Draw a figure of a run (profile, precision, convergence) or of a problem (contacts)."""
 
 from __future__ import annotations
 
@@ -198,15 +198,11 @@ def _drawn_problem(
 ) -> Drawing:
     from cpbench import storage
 
-    if kind.problem == "required":
-        _required(file, "FILE")
-    problem = None if file is None else storage.load(file, format=file_format)
-    point = None
-    if answer is not None and (problem is None or kind.answer == "none"):
-        raise click.UsageError(f"--answer: {'give its FILE too' if problem is None else f'{kind.name} shows none'}")
-    if problem is None:
-        pass
-    elif answer is not None:
+    _required(file, "FILE")
+    problem, point = storage.load(str(file), format=file_format), None
+    if answer is not None and kind.answer == "none":
+        raise click.UsageError(f"--answer: {kind.name} shows none")
+    if answer is not None:
         point = storage.load_answer(answer, problem)
     elif kind.answer != "none":
         stored = storage.solution(str(file))

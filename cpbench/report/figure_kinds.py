@@ -1,6 +1,6 @@
 """The kinds of single figures that `cpbench plot` draws: a module each, found by its name and imported when asked for.
 
-A kind `lcp-cones` is the module `lcp_cones` of a package (`report/plots`, or one behind the entry points
+A kind `sliding-speeds` is the module `sliding_speeds` of a package (`report/plots`, or one behind the entry points
 ``cpbench.figures``), with one function registered here. Its options are the keyword arguments of that function,
 with their defaults; the first line of the module's docstring tells what it shows.
 """
@@ -27,7 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Need(StrEnum):
-    """Need of a figure for a problem, or an answer."""
+    """Need of a figure of a problem for an answer."""
 
     NONE = "none"
     OPTIONAL = "optional"
@@ -55,13 +55,12 @@ class FigureKind:
     ----------
     draw : draw(problem, point, **options) -> Drawing for problems, draw(run, choice, **options) for runs; raises
         CpbenchError on what it cannot draw.
-    problem, answer : whether `problem` and `point` may be None.
+    answer : whether `point` may be None.
     helps : option -> what it means.
     """
 
     name: str
     draw: Callable[..., Drawing]
-    problem: Need
     answer: Need
     helps: Mapping[str, str]
 
@@ -75,13 +74,11 @@ class FigureKind:
 figure_kinds: Registry[FigureKind] = Registry("figure")
 
 
-def figure_kind(
-    name: str, /, *, problem: Need = Need.REQUIRED, answer: Need = Need.NONE, **helps: str
-) -> Callable[[F], F]:
+def figure_kind(name: str, /, *, answer: Need = Need.NONE, **helps: str) -> Callable[[F], F]:
     """Register the function that draws the kind `name` (a decorator); `helps` has a line for each of its options."""
 
     def keep(draw: F) -> F:
-        kind = FigureKind(name, draw, problem, answer, helps)
+        kind = FigureKind(name, draw, answer, helps)
         assert set(kind.options) == set(helps), f"figure {name}: every option has a help, and no other"
         figure_kinds.add(name, kind)
         return draw

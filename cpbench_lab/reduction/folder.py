@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
+import contextlib
 import shlex
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,38 +16,24 @@ from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.text import counted
-from cpbench.report import canvas, figure_kinds
+from cpbench.report import canvas
 from cpbench.report.text import code, plain
 from cpbench.verification import MET_TOLERANCE
-from cpbench_lab import pictures
-from cpbench_lab.certifying import certify
+from cpbench_lab.pictures import contact
 from cpbench_lab.reduction.numbers import digits
-from cpbench_lab.reduction.reduce import LARGE, ReducedFailure, data_size
+from cpbench_lab.reduction.reduce import ReducedFailure, data_size
 from cpbench_lab.reduction.trials import Asked
 
-PICTURES = ("lcp-cones", "contact")
-"""Kinds of pictures, the first that takes the problem is drawn."""
 PRINTED = 60
 """Numbers of a problem that the report shows; more stand in the file only."""
-PROOF_SECONDS = 10.0
-"""Limit of each search for a certificate [s]."""
 
 
-@dataclass(frozen=True)
-class WrittenFiles:
-    """Files of a reduced failure, and the level of the certificate of its true answer, "" where none was sought."""
-
-    files: tuple[Path, ...]
-    level: str
-
-
-def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Path) -> WrittenFiles:
-    """Write `problem.h5`, `report.md` and, of contacts and of two pairs, `problem.svg`, replacing what is there.
+def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Path) -> tuple[Path, ...]:
+    """Write `problem.h5`, `report.md` and, of contacts, `problem.svg`, replacing what is there.
 
     Parameters
     ----------
-    source : what the problem was reduced from, for the report. Of a problem that stayed large there are no
-    certificates.
+    source : what the problem was reduced from, for the report.
     """
     problem, last = reduced.problem, reduced.last
     folder.mkdir(parents=True, exist_ok=True)
@@ -60,11 +45,9 @@ def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Pat
     storage.save(problem, folder / "problem.h5", force=True)
     written = [folder / "problem.h5", *_picture(problem, points.get("true", points.get("claimed")), folder)]
     title = f"{asked.solver}: {asked.predicate} on a problem of {_sizes(problem)} ({problem.node})"
-    level, proofs = _proofs(problem, points) if data_size(problem) <= LARGE else ("", [])
-    lines = [*_report(reduced, asked, source, title, points), *(f"- {line}" for line in proofs)]
     report = folder / "report.md"
-    report.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return WrittenFiles((*written, report), level)
+    report.write_text("\n".join(_report(reduced, asked, source, title, points)) + "\n", encoding="utf-8")
+    return (*written, report)
 
 
 def _point(problem: Problem, outcome: Outcome | None) -> Any:
@@ -78,16 +61,11 @@ def _point(problem: Problem, outcome: Outcome | None) -> Any:
 
 
 def _picture(problem: Problem, point: Any, folder: Path) -> Iterator[Path]:
-    for name in PICTURES:
-        kind = figure_kinds.find(pictures.__name__, name)
-        try:
-            with canvas.drawing():
-                drawn = kind.draw(problem, point if kind.answer is not figure_kinds.Need.NONE else None)
-                canvas.write(drawn, folder / "problem.svg")
-        except CpbenchError:
-            continue
-        yield folder / "problem.svg"
+    if point is None:
         return
+    with contextlib.suppress(CpbenchError), canvas.drawing():  # problems without contacts have none
+        canvas.write(contact.draw(problem, point), folder / "problem.svg")
+        yield folder / "problem.svg"
 
 
 # ------------------------------------------------------------------------------------------- the report
@@ -114,6 +92,7 @@ def _report(reduced: ReducedFailure, asked: Asked, source: str, title: str, poin
         error = "" if other.error is None else f" with error {other.error:.3g}"
         taken, answer = _seconds(other, "in"), _answer(points.get("true"))
         yield f"- {plain(reduced.last.name)}: {other.status}{error}{taken}{answer}."
+    yield f"- The true answer, with a proof where there is one: {code('cpbench certify problem.h5')}"
 
 
 def _sizes(problem: Problem) -> str:
@@ -157,26 +136,3 @@ def _answer(point: Any) -> str:
     if sum(x.size for x in parts.values()) > PRINTED:
         return ""
     return ": " + ", ".join(f"{name} = [{', '.join(f'{v:.6g}' for v in x.tolist())}]" for name, x in parts.items())
-
-
-def _proofs(problem: Problem, points: dict[str, Any]) -> tuple[str, list[str]]:
-    """Return the level of the true answer's certificate, and what is proved of both answers; nothing without
-    python-flint."""
-    if importlib.util.find_spec("flint") is None:
-        return "", []
-    level, lines = "", list[str]()
-    if "true" in points:
-        found = certify(problem, points["true"], seconds=PROOF_SECONDS)
-        unique = f", the only one ({found.unique})" if found.unique else ""
-        near = f" within {found.distance:.3g} of that answer" if found else ""
-        reason = f" ({found.reason})" if found.reason else ""
-        level = found.level
-        what = "refuted, no solution is near it" if found.level == "refuted" else f"a solution is {found.level}"
-        lines.append(f"Certificate of that answer: {what}{near}{unique}{reason}.")
-    if "claimed" in points:
-        found = certify(problem, points["claimed"], seconds=PROOF_SECONDS)
-        if found.excluded:
-            lines.append(f"Proved of the claim: no solution is within {found.excluded:.3g} of its size from it.")
-        elif found:
-            lines.append(f"A solution is {found.level}; it differs from the claim by {found.distance:.3g} of its size.")
-    return level, lines

@@ -7,8 +7,7 @@ import numpy as np
 from cpbench import FrictionContact
 from cpbench.foundation.cones import de_saxce
 from cpbench.report import canvas
-from cpbench_lab.pictures import cone as picture
-from lecture import cells, svg
+from lecture import cells, friction_cone, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, text
 from lecture.conversions import registered, shown, trips
 from lecture.numerics.examples import problems
@@ -74,7 +73,7 @@ def _cone(problem: FrictionContact) -> tuple[Block, ...]:
     hat = de_saxce(u[None, :], problem.mu)[0]
     alt = "The cone of friction with the impulse on it, the velocity, and the changed velocity at a right angle"
     with canvas.drawing():
-        drawn = svg.inline(picture.draw(problem, found.point).figure, "fig-cone", alt)
+        drawn = svg.inline(friction_cone.draw(problem, found.point.r), "fig-cone", alt)
     return (
         Heading("One cone for all"),
         text(
@@ -127,7 +126,6 @@ def _frozen(problem: FrictionContact) -> tuple[Block, ...]:
             (
                 "cpbench solve problems.h5::sliding --solver nsgs",
                 "cpbench solve problems.h5::sliding --solver newton-qvi",
-                "cpbench plot cone -o cone.svg",
                 "cpbench convert problems.h5::sliding sliding-as-program.h5 --to coneqp --via fc-coneqp",
             )
         ),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from cpbench import LCP
 from cpbench.report import canvas
-from cpbench_lab.figures.complementary_cones import complementary_cones, is_p_matrix, solutions
-from cpbench_lab.pictures import lcp_cones
-from lecture import cells, svg
+from lecture import cells, lcp_cones, svg
 from lecture.blocks import Block, Figure, Heading, Section, Text, Try, aside, formula, table, text
 from lecture.conversions import by_solvers, data, registered, shown, trips
+from lecture.numerics.complementary_cones import complementary_cones, is_p_matrix, solutions
 from lecture.numerics.examples import problems
 from lecture.numerics.friction import inner_product_conditions
 from lecture.numerics.round_trips import answer, refusal, round_trip
@@ -159,16 +158,14 @@ def _methods() -> tuple[Block, ...]:
                 "cpbench solve problems.h5::lcp --solver lemke",
                 "cpbench solve problems.h5::mlcp-singular --solver lemke",
                 "cpbench convert problems.h5::lcp-nonsymmetric lcp-as-qp.h5 --to qp --via nonsymmetric",
-                "cpbench plot lcp-cones problems.h5::lcp-three -o cones.svg",
             )
         ),
     )
 
 
 def _cones(name: str, told: Text) -> Figure:
-    """The picture of `cpbench plot lcp-cones`."""
     problem = problems()[name]
+    assert isinstance(problem, LCP)
     alt = f"Complementary cones of the problem {name}, and the path of Lemke's method"
     with canvas.drawing():
-        drawn = lcp_cones.draw(problem)
-        return Figure(svg.inline(drawn.figure, f"fig-cones-{name}", alt), told, alt)
+        return Figure(svg.inline(lcp_cones.draw(problem), f"fig-cones-{name}", alt), told, alt)

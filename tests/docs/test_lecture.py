@@ -12,11 +12,12 @@ import pytest
 from click.testing import CliRunner
 from lecture import formulas, numbers, overview, page, solvable
 from lecture.blocks import Formula, Section, Table, Text, Try
-from lecture.numerics import examples
+from lecture.numerics import complementary_cones, examples
 from lecture.numerics.examples import maps, nonlinear
 from lecture.numerics.facet_errors import bounds, faceted_slide
 from lecture.numerics.round_trips import answer, outcome, round_trip
 
+import cpbench
 from cpbench.cli import cli
 from cpbench.conversions.base import conversions
 from cpbench.formulations.base import Kind
@@ -226,3 +227,26 @@ def test_the_tutorial_is_a_page_and_its_problems(tmp_path):
     path = page.write(tmp_path / "x", (overview.section,))
     assert path == tmp_path / "x" / "index.html"
     assert (tmp_path / "x" / "problems.h5").is_file()
+
+
+def test_complementary_cones_hold_q_where_there_is_a_solution(rng):
+    """By trying every α; and Lemke's method ends at one of them where M is a P-matrix."""
+    counts, after = set(), 0
+    for _ in range(60):
+        M, q = rng.standard_normal((2, 2)), rng.standard_normal(2)
+        expected = [np.zeros(2)] if q.min() >= 0 else []
+        for F in ([0], [1], [0, 1]):
+            z = np.zeros(2)
+            z[F] = np.linalg.solve(M[np.ix_(F, F)], -q[F])
+            expected += [z] if z.min() >= 0 and (M @ z + q).min() >= -1e-9 else []
+        problem = cpbench.LCP(M=M, q=q)
+        found = complementary_cones.solutions(complementary_cones.complementary_cones(problem))
+        assert len(found) == len(expected)
+        assert all(min(np.abs(z - y).max() for y in found) < 1e-9 for z in expected)
+        counts.add(len(found))
+        if complementary_cones.is_p_matrix(problem):
+            path = complementary_cones.lemke_path(problem)
+            assert np.abs((path.z[-1] if len(path.z) else np.zeros(2)) - found[0]).max() < 1e-9
+            after += len(path.z)
+    assert {0, 1, 2} <= counts
+    assert after > 0

@@ -382,7 +382,7 @@ def test_a_report_tells_what_it_replaces(monkeypatch, capsys, lcp, tmp_path) -> 
     assert "/proc/nowhere: cannot be made a folder" in capsys.readouterr().err
     for again in (False, True):
         assert cpbench(monkeypatch, "report", "r.sqlite", "-o", "r") == 0
-        assert cpbench(monkeypatch, "plot", "cone", "-o", "n.svg") == 0
+        assert cpbench(monkeypatch, "plot", "profile", "r.sqlite", "-o", "n.svg") == 0
         lines = capsys.readouterr().out.splitlines()
         assert len(lines) > 2
         assert all(line.endswith("(replaced)") == again for line in lines), lines

@@ -186,13 +186,13 @@ def test_a_figure_for_a_column_gives_the_plot_the_room(results: Path, tmp_path: 
 @pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("options", [("--width", "5in"), ("--height", "5.4in")])
 def test_a_figure_of_a_problem_keeps_its_shape(tmp_path: Path, options: tuple[str, ...]) -> None:
-    """The contact's own figure is 3.5 by 2.7 inches."""
-    path = tmp_path / "cone.svg"
-    done = CliRunner().invoke(plot, ["cone", "-o", str(path), "--bare", *options], catch_exceptions=False)
+    """The figure of contacts is 3.5 by 3.45 inches."""
+    path, problem = tmp_path / "contact.svg", "builtin/fc/contact-planted-3d.h5::full-rank-30"
+    done = CliRunner().invoke(plot, ["contact", problem, "-o", str(path), "--bare", *options], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     root = ElementTree.parse(path).getroot()
     width, height = (float(root.attrib[name].removesuffix("pt")) / 72 for name in ("width", "height"))
-    assert width / height == pytest.approx(3.5 / 2.7)
+    assert width / height == pytest.approx(3.5 / 3.45)
     assert (width if "--width" in options else height) == pytest.approx(float(options[1].removesuffix("in")))
 
 

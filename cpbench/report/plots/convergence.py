@@ -15,7 +15,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.errors import CpbenchError
 from cpbench.report import canvas, figures
 from cpbench.report.chosen import Choice, choose, matching
-from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.figure_kinds import Drawing, figure_kind
 from cpbench.report.plots.precision import dress, require_histories
 from cpbench.report.run import Run
 from cpbench.report.text import counted, cut, one_line
@@ -26,7 +26,6 @@ FLOOR = 1e-17
 
 @figure_kind(
     "convergence",
-    problem=Need.NONE,
     name="Problem, where there are several: its name, or a pattern with * and ? of one.",
     reported="Add, dotted, the residual that the solver itself reported for each iterate.",
 )

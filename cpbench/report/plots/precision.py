@@ -15,7 +15,7 @@ from cpbench.analysis import histories
 from cpbench.errors import CpbenchError
 from cpbench.report import figures
 from cpbench.report.chosen import Choice, SelectedRows, choose
-from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.figure_kinds import Drawing, figure_kind
 from cpbench.report.run import Run
 from cpbench.report.text import cut, listed_plainly, seconds
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@figure_kind("precision", problem=Need.NONE)
+@figure_kind("precision")
 def draw(run: Run, choice: Choice) -> Drawing:
     """Draw one curve a solver with histories, the one that gets furthest in the first colour."""
     chosen = choose(run, choice)

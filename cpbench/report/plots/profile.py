@@ -10,7 +10,7 @@ from cpbench.analysis import cautions
 from cpbench.analysis.profiles import performance_profile
 from cpbench.report import figures
 from cpbench.report.chosen import Choice, choose
-from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.figure_kinds import Drawing, figure_kind
 from cpbench.report.run import Run
 from cpbench.report.text import counted, number, seconds
 
@@ -24,7 +24,7 @@ WORDS = {
 """Names of metrics in a sentence; all others are numbers of something."""
 
 
-@figure_kind("profile", problem=Need.NONE, metric="Cost: time, solve, cpu, memory, iterations, counter:NAME.")
+@figure_kind("profile", metric="Cost: time, solve, cpu, memory, iterations, counter:NAME.")
 def draw(run: Run, choice: Choice, *, metric: str = "time") -> Drawing:
     """Draw the profile of the solvers shown, against the best of them."""
     chosen = choose(run, choice)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.errors import NotApplicable, ProblemError
-from cpbench.formulations.base import Problem
-from cpbench.formulations.linear import LCP
+from cpbench import LCP
+from cpbench.errors import ProblemError
 from cpbench.foundation.matrices import Dense, Vector, dense, max_abs, norm
 from cpbench.solvers.base import Budget, Claim, solvers
 
@@ -45,14 +44,11 @@ class LemkePath:
     ray: bool
 
 
-def complementary_cones(problem: Problem, tolerance: float = 1e-9) -> list[ComplementaryCone]:
-    """Return the cones of z = 0, z₁, z₂ and both; q lies in one when its distance is at most tolerance·‖q‖.
-
-    Raises NotApplicable unless the problem is an LCP with two unknowns.
-    """
+def complementary_cones(problem: LCP, tolerance: float = 1e-9) -> list[ComplementaryCone]:
+    """Return the cones of z = 0, z₁, z₂ and both; q lies in one when its distance is at most tolerance·‖q‖."""
     from scipy.optimize import nnls  # 80 ms that other figures need not wait for
 
-    M, q = _plane(problem)
+    M, q = dense(problem.M), problem.q
     result: list[ComplementaryCone] = []
     for active in ((), (0,), (1,), (0, 1)):
         G = np.eye(2)
@@ -77,19 +73,19 @@ def solutions(cones: list[ComplementaryCone]) -> list[Vector]:
     return different
 
 
-def is_p_matrix(problem: Problem) -> bool:
+def is_p_matrix(problem: LCP) -> bool:
     """Return whether all principal minors are positive: the cones then fill the plane without overlapping (n = 2)."""
-    M, _ = _plane(problem)
+    M = dense(problem.M)
     return bool(M[0, 0] > 0 and M[1, 1] > 0 and np.linalg.det(M) > 0)
 
 
-def lemke_path(problem: Problem) -> LemkePath:
+def lemke_path(problem: LCP) -> LemkePath:
     """Return the pivots of cpbench's `lemke`, run with 1, 2, ... pivots allowed.
 
     The solver gives z; z₀ is the least that makes q + Mz + z₀e nonnegative, which it is at every pivot. Empty when
-    q ≥ 0. Raises NotApplicable as above, ProblemError when the solver breaks down.
+    q ≥ 0. Raises ProblemError when the solver breaks down.
     """
-    M, q = _plane(problem)
+    M, q = dense(problem.M), problem.q
     lemke, z, cover = solvers.get("lemke"), list[Vector](), list[float]()
     while q.min() < 0:
         pivots = len(z) + 1
@@ -105,14 +101,3 @@ def lemke_path(problem: Problem) -> LemkePath:
         if solved:
             break
     return LemkePath(np.array(z).reshape(-1, 2), np.array(cover), ray=False)
-
-
-def _plane(problem: Problem) -> tuple[Dense, Vector]:
-    """Return M and q; raises NotApplicable."""
-    if not isinstance(problem, LCP):
-        raise NotApplicable(
-            "complementary cones", f"belong to an lcp, this is {problem.node}: cpbench convert FILE --to lcp may help"
-        )
-    if problem.q.size != 2:
-        raise NotApplicable("complementary cones", f"are drawn for n = 2, this lcp has n = {problem.q.size}")
-    return dense(problem.M), problem.q

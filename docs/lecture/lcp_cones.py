@@ -9,23 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.linear import LCP
+from cpbench import LCP
 from cpbench.foundation.matrices import Dense, Vector, dense, max_abs
 from cpbench.report import canvas
-from cpbench.report.figure_kinds import Drawing, figure_kind
-from cpbench.report.text import counted
-from cpbench_lab.figures.complementary_cones import (
+from lecture.numerics.complementary_cones import (
     ComplementaryCone,
     LemkePath,
     complementary_cones,
-    is_p_matrix,
     lemke_path,
     solutions,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FILLS: dict[tuple[int, ...], str] = {(): "#D9D9D9", (0,): "#A9CCE6", (1,): "#F2C6A6", (0, 1): "#B5DECF"}
 _NUMBER, _Q = (8, -7), (-8, -8)
@@ -33,37 +30,14 @@ _NUMBER, _Q = (8, -7), (-8, -8)
 NAMES: dict[tuple[int, ...], str] = {(): r"$z = 0$", (0,): r"$z_1 > 0$", (1,): r"$z_2 > 0$", (0, 1): r"$z_1, z_2 > 0$"}
 
 
-@figure_kind("lcp-cones")
-def draw(problem: Problem, point: Point | None = None) -> Drawing:
+def draw(problem: LCP) -> Figure:
     """Draw two panels."""
     cones = complementary_cones(problem)
-    assert isinstance(problem, LCP)
     path, found = lemke_path(problem), solutions(cones)
     figure = canvas.page(canvas.PAGE, 3.3)
     _plane_of_q(figure.add_axes((0.06, 0.125, 0.41, 0.86)), cones, problem.q, path)
     _plane_of_z(figure.add_axes((0.565, 0.125, 0.41, 0.86)), dense(problem.M), problem.q, path, found)
-    guide = (
-        f"$M$ is {_kind(problem)}. $q$ lies in {counted(sum(c.z is not None for c in cones), 'cone')}: "
-        f"{counted(len(found), 'solution')} (circles). {_lemke_sentence(path)}"
-    )
-    return Drawing(figure, f"Complementary cones: {canvas.literal(problem.name or 'lcp')}", guide)
-
-
-def _kind(problem: LCP) -> str:
-    if is_p_matrix(problem):
-        return "a P-matrix: the complementary cones fill the plane without overlapping"
-    return "no P-matrix: complementary cones overlap, are flat, or leave gaps"
-
-
-def _lemke_sentence(path: LemkePath) -> str:
-    """Return how Lemke's method did, and where to see it."""
-    if not len(path.cover):
-        return r"$q \geq 0$, so that $z = 0$ is one and Lemke's method does not pivot."
-    end = "ends in a ray, without a solution, after" if path.ray else "comes to a solution in"
-    return (
-        f"Lemke's method {end} {counted(len(path.cover), 'pivot')}, numbered on the line $q + z_0 e$ (left) and in the "
-        "plane of $z$ (right)."
-    )
+    return figure
 
 
 def _plane_of_q(axes: Axes, cones: list[ComplementaryCone], q: Vector, path: LemkePath) -> None:

@@ -1,1 +1,0 @@
-"""What figures of problems show, computed."""
