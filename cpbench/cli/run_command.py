@@ -42,7 +42,7 @@ HELP = {
     "repeats": "Number of solves of a pair below 1 s.",
     "seed": "Random seed of the order.",
     "jobs": "Number of pairs at the same time; their times are marked.",
-    "cluster": "Workers of a Dask scheduler, or to start: local, slurm, pbs.",
+    "cluster": "Address of a Dask scheduler, or local: processes here.",
     "output": "Results file (SQLite).",
     "rerun": "Rows to run again; failed is everything but solved, stationary, infeasible and unsupported.",
     "keep": "Answers to keep.",

@@ -1,4 +1,4 @@
-"""Connects to a Dask scheduler that runs, or starts one: with processes here, or jobs of a batch system."""
+"""Connects to a Dask scheduler that runs, or starts one with processes here."""
 
 from __future__ import annotations
 
@@ -9,21 +9,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.worker_pool import Setting
-from cpbench.errors import CpbenchError, UnknownName
+from cpbench.errors import CpbenchError
 
 if TYPE_CHECKING:
     from cpbench_lab.cluster.executor import DaskExecutor
 
-BATCH = {
-    "htcondor": "HTCondorCluster",
-    "lsf": "LSFCluster",
-    "moab": "MoabCluster",
-    "oar": "OARCluster",
-    "pbs": "PBSCluster",
-    "sge": "SGECluster",
-    "slurm": "SLURMCluster",
-}
-"""Batch systems, by the class of dask-jobqueue that speaks to each."""
 LOCAL = "local"
 ANSWER = 15.0
 """Seconds in which a scheduler is to answer."""
@@ -37,7 +27,7 @@ _LOCAL = {
 
 def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
     """Return the executor behind the scheduler at `tcp://host:port`; raises CpbenchError without an answer."""
-    distributed = _optional("distributed", "clusters need Dask")
+    distributed = _distributed()
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise CpbenchError(f"'{address}' is no address of a Dask scheduler: expected one like tcp://host:8786")
     try:
@@ -50,21 +40,15 @@ def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
 
 
 def start(what: str, setting: Setting, jobs: int | None = None) -> DaskExecutor:
-    """Return an executor with its own workers: so many `local` processes, one a core by default, or so many jobs of a
-    batch system with dask-jobqueue's configuration, one by default.
+    """Return an executor with its own workers: so many `local` processes, one a core by default.
 
     Raises CpbenchError, with the reason, when it cannot be started.
     """
-    if what not in (LOCAL, *BATCH):
-        raise UnknownName("cluster", what, [LOCAL, *BATCH])
-    jobs = jobs or (os.cpu_count() or 1 if what == LOCAL else 1)
-    distributed = _optional("distributed", "clusters need Dask")
+    if what != LOCAL:
+        raise CpbenchError(f"--cluster {what}: is {LOCAL}, or the address of a Dask scheduler, as tcp://host:8786")
+    distributed = _distributed()
     try:
-        if what == LOCAL:
-            cluster = distributed.LocalCluster(**_LOCAL, n_workers=jobs)
-        else:
-            cluster = getattr(_optional("dask_jobqueue", "batch systems need dask-jobqueue"), BATCH[what])()
-            cluster.scale(jobs=jobs)
+        cluster = distributed.LocalCluster(**_LOCAL, n_workers=jobs or os.cpu_count() or 1)
     except (TypeError, ValueError, OSError, RuntimeError) as cause:
         raise CpbenchError(f"the cluster '{what}' cannot be started: {' '.join(str(cause).split())}") from None
     return _executor(distributed.Client(cluster, set_as_default=False), setting, [cluster.close])
@@ -76,9 +60,9 @@ def _executor(client: Any, setting: Setting, ending: Sequence[Callable[[], None]
     return DaskExecutor(client, setting, ending)
 
 
-def _optional(package: str, why: str) -> Any:
-    """Return a package of the extra `dask`; raises CpbenchError where it is not installed."""
+def _distributed() -> Any:
+    """Return Dask's package; raises CpbenchError where it is not installed."""
     try:
-        return importlib.import_module(package)
+        return importlib.import_module("distributed")
     except ImportError as cause:
-        raise CpbenchError(f"{why} ({cause}): pip install 'cpbench[dask]'") from None
+        raise CpbenchError(f"clusters need Dask ({cause}): pip install 'cpbench[dask]'") from None

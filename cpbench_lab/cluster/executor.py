@@ -45,8 +45,6 @@ HOSTS = 8
 """The most hosts that are named."""
 LOOK = 0.5
 """Seconds between two looks at which workers there are."""
-LONELY = 10.0
-"""Seconds without any worker after which a warning says so."""
 
 
 class DaskExecutor:
@@ -107,7 +105,6 @@ class _Run:
         self._workers: dict[str, Any] = {}
         self._count, self._joined, self._looked = 0, -1, -math.inf
         self._pairs: Counter[str] = Counter()
-        self._alone_since = time.monotonic()
 
     def outcomes(self) -> Generator[tuple[Pair, Outcome]]:
         """Yield the outcome of every pair."""
@@ -149,11 +146,6 @@ class _Run:
             hosts = sorted({str(worker.get("host", "")) for worker in self._workers.values()})
             on = f" on {counted(len(hosts), 'host')} ({some_of(hosts, HOSTS)})" if hosts else ""
             self._on_event(Told(f"Dask: {counted(self._joined, 'worker')}{on}"))
-        if self._workers:
-            self._alone_since = time.monotonic()
-        elif time.monotonic() - self._alone_since > LONELY:
-            logger.warning("no Dask worker is there; waiting for one to join")
-            self._alone_since = math.inf
 
     def _submit(self, task: _Task) -> None:
         request = pickle.dumps((task.block, 0.0 if task.died else TASK))

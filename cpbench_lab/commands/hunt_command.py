@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from cpbench.cli.options import memory_option, quiet_option, seed_option, tolera
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.foundation.text import counted
-from cpbench_lab.reduction.hunting.hunt import HuntState, hunt
+from cpbench_lab.reduction.hunting.hunt import FACTOR, HuntState, hunt
+from cpbench_lab.reduction.predicate import SLOWER
 
 EVERY = 10.0
 """Seconds between two lines of progress."""
@@ -22,7 +24,7 @@ EVERY = 10.0
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver whose failures are sought.")
 @click.option("--against", required=True, metavar="NAME[opt=value]", help="Solver that solves these problems.")
 @click.option("-o", "--output", type=FOLDER, required=True, help="Output folder, a new one.")
-@click.option("--minutes", type=POSITIVE, default=10.0, show_default=True, help="Time of search and reduction.")
+@click.option("--minutes", type=POSITIVE, default=10.0, show_default=True, help="Time of the search.")
 @click.option("--node", default="", metavar="NAME", help="Formulation of the problems; default: that of the solver.")
 @click.option("--timeout", type=DURATION, default="2s", show_default=True, help="Limit of each solve.")
 @seed_option("Seed of the problems.")
@@ -44,8 +46,8 @@ def command(
     """Search for problems on which a solver makes a false claim, crashes or takes a hundred times as long, and another
     does not.
 
-    Built-in problems are changed a little, again and again, spread over size, conditioning, rank, units, friction and
-    degeneracy. The first failure of each kind is reduced and certified as by `cpbench reduce`. The exit code is 1 when
+    Built-in problems are changed a little, again and again, most often those on which the solver came nearest to
+    failing. Of each kind of failure the smallest problem is kept, for `cpbench reduce`. The exit code is 1 when
     there is a failure.
     """
     last = time.monotonic()
@@ -55,9 +57,9 @@ def command(
         if not quiet and time.monotonic() - last > EVERY:
             last = time.monotonic()
             found = counted(len(search.finds), "kind of failure", "kinds of failure")
-            click.echo(f"{counted(search.tried, 'problem')}, {counted(len(search.best), 'cell')}, {found}", err=True)
+            click.echo(f"{counted(search.tried, 'problem')}, {found}", err=True)
 
-    search, shown = hunt(
+    search = hunt(
         solver,
         against,
         output,
@@ -68,12 +70,15 @@ def command(
         node=node,
         on_event=on_event,
     )
-    click.echo(f"{counted(search.tried, 'problem')} of {counted(len(search.best), 'cell')}, seed {seed}")
-    rows = [("failure", "found", "reduced to", "digits", "certified", "what it said")]
-    for one in shown:
-        rows.append(
-            (one.find.kind, f"{one.find.times}×", one.sizes, str(one.digits or ""), one.level, one.find.words)
-        )  # fmt: skip
-    print_lines(table(rows) if shown else ["no failure found"])
-    if shown:
-        raise SystemExit(1)
+    click.echo(f"{counted(search.tried, 'problem')}, seed {seed}")
+    if not search.finds:
+        print_lines(["no failure found"])
+        return
+    finds = list(search.finds.values())
+    rows = [(one.kind, f"{one.times}×", str(one.path), one.words) for one in finds]
+    print_lines(table([("failure", "found", "problem", "what it said"), *rows]))
+    first = finds[0]
+    name, like = f"-s {shlex.quote(solver)}", f"--while {first.kind}"
+    factor = f":{FACTOR:g}:{against}" if first.kind == SLOWER else ""
+    print_lines([f"next: cpbench reduce {first.path} {name} {like}{factor} -o {first.path.with_suffix('')}"])
+    raise SystemExit(1)

@@ -29,7 +29,7 @@ from cpbench_lab.reduction.reduce import data_size
     metavar="FAILURE",
     help="Failure to keep: wrong, crash, timeout, ..., slower:100[:OTHER], disagrees[:OTHER]. Of a row: its status.",
 )
-@click.option("-o", "--output", type=FOLDER, required=True, help="Output folder; an existing one is continued.")
+@click.option("-o", "--output", type=FOLDER, required=True, help="Output folder, a new one.")
 @click.option("--minutes", type=POSITIVE, default=1.0, show_default=True, help="Time of the reduction.")
 @click.option("--timeout", type=DURATION, default="2s", show_default=True, help="Limit of each solve.")
 @via_option
@@ -53,7 +53,7 @@ def command(
 
     The command removes contacts, bodies, unknowns and rows, and rounds numbers, as long as the solver fails as before;
     each candidate is solved in a separate process. The folder then has the problem, a picture and a report for an
-    issue. After an interruption, the same command continues.
+    issue.
 
     \b
     cpbench reduce scene.h5 -s nsgs --while timeout -o nsgs-hangs
@@ -81,6 +81,6 @@ def command(
         f"{data_size(reduced.source)}, {counted(reduced.tried, 'solve')}"
     )
     if not reduced.complete:
-        click.echo("  not to the end: the time was over; the same command goes on, --minutes gives it longer")
-    for path in written.files:
+        click.echo("  not to the end: the time was over; --minutes gives it longer")
+    for path in written:
         print_lines([f"  {path}"])

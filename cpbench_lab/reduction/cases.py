@@ -14,13 +14,10 @@ from cpbench.bench.planning.places import located
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.generators.collection import address_text, builtin_folder
-from cpbench_lab.reduction.folder import WrittenFiles, write_folder
+from cpbench_lab.reduction.folder import write_folder
 from cpbench_lab.reduction.predicate import Predicate, parse_predicate, predicate_of
 from cpbench_lab.reduction.reduce import Progress, ReducedFailure, reduce
 from cpbench_lab.reduction.trials import Asked, Trials
-
-JOURNAL = "journal.jsonl"
-"""The file of a folder that says what was tried."""
 
 
 @dataclass(frozen=True)
@@ -73,15 +70,14 @@ def case_of_row(results: Path, problem: str, label: str, failure: str | None, li
 
 def reduce_case(
     case: FailingCase, folder: Path, seconds: float, progress: Progress = lambda problem, tried: None
-) -> tuple[ReducedFailure, WrittenFiles]:
-    """Reduce a case for so many seconds, going on where the folder has a journal of it.
+) -> tuple[ReducedFailure, tuple[Path, ...]]:
+    """Reduce a case for so many seconds into a new or empty folder.
 
-    Raises NoFailure, NoRoute; CpbenchError where the folder is of another case.
+    Raises NoFailure, NoRoute; CpbenchError where the folder has something in it.
     """
-    if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).exists():
-        raise CpbenchError(f"{folder}: is a folder of something else: it has no {JOURNAL}; name another one")
+    if folder.exists() and any(folder.iterdir()):
+        raise CpbenchError(f"{folder}: is not empty; name a new folder")
     problem = load(case.address)
-    folder.mkdir(parents=True, exist_ok=True)
-    with Trials(case.asked, time.monotonic() + seconds, folder / JOURNAL) as trials:
+    with Trials(case.asked, time.monotonic() + seconds) as trials:
         reduced = reduce(problem, trials, progress)
     return reduced, write_folder(reduced, case.asked, address_text(case.address), folder)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -16,7 +14,7 @@ from cpbench.bench.planning.plan import nearest_automatic
 from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
-from cpbench.errors import CpbenchError, NoRoute, PointError
+from cpbench.errors import NoRoute, PointError
 from cpbench.formulations.base import Problem
 from cpbench.foundation.locks import RUN, TemporaryHome
 from cpbench.verification import MET_TOLERANCE
@@ -65,16 +63,14 @@ class Trials:
 
     Parameters
     ----------
-    asked : the failure. end : on the clock of `time.monotonic`. journal : file of what was tried, which is added to;
-    what it has is not tried again. None: nothing is kept.
+    asked : the failure. end : on the clock of `time.monotonic`.
     """
 
-    def __init__(self, asked: Asked, end: float, journal: Path | None = None) -> None:
+    def __init__(self, asked: Asked, end: float) -> None:
         self.asked, self.end = asked, end
         self.tried = 0
         self.solvable = asked.predicate.needs_other
-        self._journal = journal
-        self._known: dict[str, bool] = _read(journal)
+        self._known: dict[str, bool] = {}
         self._beside_by_node: dict[str, str] = {}
         self._pairs: dict[tuple[str, str], plan.Pair] = {}
         self._scratch = TemporaryHome(RUN)
@@ -98,7 +94,7 @@ class Trials:
         trial = self._tried(problem, ask_other=True)
         self.solvable = self.solvable or (trial.other is not None and trial.other.status in MET_TOLERANCE)
         if trial.holds:
-            self._remember(problem.fingerprint, True)
+            self._known[problem.fingerprint] = True
         return trial
 
     def holds(self, problem: Problem) -> bool:
@@ -108,8 +104,7 @@ class Trials:
             return known
         if self.over:
             return False
-        result = self._tried(problem).holds
-        self._remember(problem.fingerprint, result)
+        result = self._known[problem.fingerprint] = self._tried(problem).holds
         return result
 
     def solution(self, problem: Problem) -> Any:
@@ -181,12 +176,6 @@ class Trials:
             raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench graph FILE --explain")
         return found[0]
 
-    def _remember(self, fingerprint: str, holds: bool) -> None:
-        self._known[fingerprint] = holds
-        if self._journal is not None:
-            with self._journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps([fingerprint, holds]) + "\n")
-
 
 def point_of(problem: Problem, outcome: Outcome) -> Any:
     """Return the answer of an outcome as a point of the problem; None where there is none."""
@@ -194,21 +183,3 @@ def point_of(problem: Problem, outcome: Outcome) -> Any:
         return None if outcome.answer is None else problem.point_from_vector(unpack_answer(outcome.answer))
     except PointError:
         return None
-
-
-def _read(journal: Path | None) -> dict[str, bool]:
-    """Read what was tried; a last line that was cut off is passed over."""
-    if journal is None or not journal.exists():
-        return {}
-    known: dict[str, bool] = {}
-    for line in journal.read_text(encoding="utf-8").splitlines():
-        try:
-            fingerprint, holds = json.loads(line)
-        except ValueError as cause:
-            if not line.startswith("["):
-                raise CpbenchError(
-                    f"{journal}: is no journal of cpbench reduce ({cause}); name another folder"
-                ) from None
-            continue
-        known[str(fingerprint)] = bool(holds)
-    return known

@@ -29,7 +29,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.run import Executor, execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
-from cpbench.errors import CpbenchError, UnknownName
+from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP
 from cpbench_lab.cluster import connect, executor
 from cpbench_lab.cluster.dask_worker import RemoteWorker
@@ -293,17 +293,8 @@ def test_an_address_that_is_none() -> None:
 
 
 def test_a_cluster_of_no_known_kind() -> None:
-    with pytest.raises(UnknownName, match=r"slurn.*slurm"):
-        connect.start("slurn", Setting())
-
-
-@pytest.mark.nightly
-def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
-    _problems(tmp_path / "p", range(2, 3))
-    done = Loopback(tmp_path).run("p", "-s", "lemke", "--cluster", "slurm")
-    assert done.returncode == 2
-    assert "the cluster 'slurm' cannot be started: " in done.stderr
-    assert done.stderr.count("\n") == 1
+    with pytest.raises(CpbenchError, match="--cluster slurm: is local, or the address of a Dask scheduler"):
+        connect.start("slurm", Setting())
 
 
 def test_an_idle_remote_worker_ends_and_restarts() -> None:

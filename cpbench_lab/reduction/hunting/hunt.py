@@ -1,9 +1,9 @@
-"""The search: problems of all cells, tried on a solver that may fail and on one that should not.
+"""The search: problems that are tried on a solver that may fail and on one that should not.
 
-A problem is a small built-in one, or a mutation of one that was tried. Parents are taken from the cells (`cells`) that
-were visited least, or on which the solver came nearest to failing, so that the search spreads instead of walking
-at random. Of each kind of failure the first is reduced and certified. Every problem has a number: a search with the
-same seed draws the same problems, as long as solvers do the same in the same time.
+A problem is a small built-in one, or a mutation of one that was tried: of those on which the solver came nearest to
+failing, one for each size and built-in problem that it descends from, so that the search spreads. Of each kind of
+failure the smallest problem is kept. Every problem has a number: a search with the same seed draws the same problems,
+as long as solvers do the same in the same time.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,18 +29,13 @@ from cpbench.generators.collection import builtin_folder
 from cpbench.graph import candidates
 from cpbench.solvers.base import solvers
 from cpbench.verification import MET_TOLERANCE, Status
-from cpbench_lab.reduction.cases import FailingCase, reduce_case
-from cpbench_lab.reduction.hunting.cells import AXES, Cell, cell
 from cpbench_lab.reduction.hunting.mutations import mutated
-from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.predicate import FAILURES, SLOWER, Predicate
-from cpbench_lab.reduction.reduce import NoFailure, unknowns
+from cpbench_lab.reduction.reduce import unknowns
 from cpbench_lab.reduction.trials import Asked, Trials, point_of
 
 FACTOR = 100.0
 """How many times slower than the other solver is a failure."""
-REDUCE_SHARE = 0.4
-"""The part of the time that is left for reducing what was found."""
 LARGEST = 200
 """Unknowns of a problem that is tried, at most: larger ones take the time of many."""
 FRESH = 0.1
@@ -54,35 +49,23 @@ class Find:
     Attributes
     ----------
     kind : of a predicate. words : what the solver said, without numbers: finds with the same are counted as one.
-    number : of the problem. path : its file. times : how often it was met.
+    path : file of the smallest problem. times : how often it was met.
     """
 
     kind: str
     words: str
-    number: int
     path: Path
     times: int = 1
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A find after its reduction, as the last table has it; `level` is that of its certificate."""
-
-    find: Find
-    sizes: str
-    digits: int
-    level: str
-    folder: str
-
-
 @dataclass
 class HuntState:
-    """State of a search: what was tried, by cell."""
+    """State of a search: how much was tried, and the `best`: of each built-in problem and power of 4 of the unknowns
+    the score, the problem and its solution."""
 
     seed: int
     tried: int = 0
-    visits: dict[Cell, int] = field(default_factory=dict)
-    best: dict[Cell, tuple[float, Problem, Any]] = field(default_factory=dict)
+    best: dict[tuple[str, int], tuple[float, Problem, Any]] = field(default_factory=dict)
     finds: dict[tuple[str, str], Find] = field(default_factory=dict)
 
 
@@ -100,12 +83,12 @@ def hunt(
     tolerance: float = 1e-6,
     node: str = "",
     on_event: EventHandler = lambda search: None,
-) -> tuple[HuntState, list[Shown]]:
-    """Search for problems on which `solver` lies, crashes or is slow and which `other` solves; reduce what is found.
+) -> HuntState:
+    """Search for problems on which `solver` lies, crashes or is slow and which `other` solves.
 
     Parameters
     ----------
-    folder : new or empty; gets the problems found, `tried.jsonl` with a line a problem, and a folder a reduced find.
+    folder : new or empty; gets the problems found, and `tried.jsonl` with a line a problem.
     seconds : of it all. seed : of the random numbers. node : formulation of the problems, "" for that of the solver.
 
     Raises NoRoute where no formulation reaches both solvers, CpbenchError where the folder has something in it.
@@ -116,19 +99,19 @@ def hunt(
     asked = Asked(solver, Predicate("disagrees", other=other), tolerance, limits)
     node = node or _node(solver, other)
     folder.mkdir(parents=True, exist_ok=True)
-    begun = time.monotonic()
     search = HuntState(seed)
-    with Trials(asked, begun + seconds * (1 - REDUCE_SHARE)) as trials, (folder / "tried.jsonl").open("w") as log:
+    with Trials(asked, time.monotonic() + seconds) as trials, (folder / "tried.jsonl").open("w") as log:
         seeds = _seeds(node)
         while search.tried == 0 or not trials.over:
             made = _next(search, seeds)
             if made is not None:
-                origin, problem = made
-                record = {"number": search.tried, "origin": origin, **_tried(search, trials, problem, folder)}
+                root, changes, problem = made
+                record = {"number": search.tried, "origin": "+".join((root, *changes))}
+                record |= _tried(search, trials, root, problem, folder)
                 log.write(json.dumps(record) + "\n")
             search.tried += 1
             on_event(search)
-    return search, list(_reduced(search, asked, folder, begun + seconds))
+    return search
 
 
 def _node(solver: str, other: str) -> str:
@@ -147,45 +130,30 @@ def _seeds(node: str) -> list[Problem]:
     return [problem for problem in found if unknowns(problem) <= LARGEST]
 
 
-def _next(search: HuntState, seeds: Sequence[Problem]) -> tuple[str, Problem] | None:
-    """Return where the next problem comes from, and it; None where what was drawn is none."""
+def _next(search: HuntState, seeds: Sequence[Problem]) -> tuple[str, list[str], Problem] | None:
+    """Return the built-in problem that the next one descends from, its changes, and it; None where what was drawn is
+    none."""
     rng = np.random.default_rng([search.seed, search.tried])
     try:
         if seeds and (not search.best or rng.random() < FRESH):
             problem = seeds[int(rng.integers(len(seeds)))]
-            return problem.name, problem
-        parent = _parent(search, rng)
-        if parent is None:
+            return problem.name, [], problem
+        if not search.best:
             return None
-        problem, solution = parent
+        few = [sorted(search.best)[int(k)] for k in rng.integers(len(search.best), size=int(rng.integers(1, 4)))]
+        chosen = max(few, key=lambda place: search.best[place][0])
+        _, problem, solution = search.best[chosen]
         names: list[str] = []
         for _ in range(int(rng.integers(1, 4))):
             name, problem = mutated(problem, solution, rng)
             solution = None
             names.append(name)
-        return "+".join(names), problem
+        return chosen[0], names, problem
     except (CpbenchError, ArithmeticError, np.linalg.LinAlgError):
         return None
 
 
-def _parent(search: HuntState, rng: np.random.Generator) -> tuple[Problem, Any] | None:
-    """Return the problem of a cell: every second time of one that was visited least, else of a promising one."""
-    if not search.best:
-        return None
-    places = sorted(search.best)
-    if rng.random() < 0.5:
-        least = min(search.visits[place] for place in places)
-        places = [place for place in places if search.visits[place] == least]
-        chosen = places[int(rng.integers(len(places)))]
-    else:
-        few = rng.integers(len(places), size=3)
-        chosen = max((places[int(k)] for k in few), key=lambda place: search.best[place][0])
-    search.visits[chosen] += 1
-    _, problem, solution = search.best[chosen]
-    return problem, solution
-
-
-def _tried(search: HuntState, trials: Trials, problem: Problem, folder: Path) -> dict[str, Any]:
+def _tried(search: HuntState, trials: Trials, root: str, problem: Problem, folder: Path) -> dict[str, Any]:
     """Try a problem on both solvers, keep it where it belongs; returns a record of it."""
     if not 0 < unknowns(problem) <= LARGEST:
         return {"size": unknowns(problem)}
@@ -196,8 +164,7 @@ def _tried(search: HuntState, trials: Trials, problem: Problem, folder: Path) ->
         return {"refused": str(refused)}
     solved = reference.status in MET_TOLERANCE
     solution = point_of(problem, reference) if solved else None
-    place = cell(problem, solution)
-    search.visits[place] = search.visits.get(place, 0) + 1
+    place = root, int(math.log(unknowns(problem), 4))
     score = _score(outcome, reference) if solved else -math.inf
     if place not in search.best or score > search.best[place][0]:
         search.best[place] = (score, problem, solution)
@@ -209,7 +176,6 @@ def _tried(search: HuntState, trials: Trials, problem: Problem, folder: Path) ->
         _keep(search, kind, outcome, problem, folder)
     return {
         "fingerprint": problem.fingerprint,
-        "cell": dict(zip(AXES, place, strict=True)),
         "status": [outcome.status, reference.status],
         "solve": [outcome.solve, reference.solve],
         "failure": kind,
@@ -239,26 +205,7 @@ def _keep(search: HuntState, kind: str, outcome: Outcome, problem: Problem, fold
     words = re.sub(r"[-+]?\d[\d.e+-]*", "#", outcome.message or "")[:80]
     known = search.finds.get((kind, words))
     path = folder / f"{kind}-{len(search.finds) + 1}.h5" if known is None else known.path
-    number, times = search.tried, 1 if known is None else known.times + 1
+    times = 1 if known is None else known.times + 1
     if known is None or unknowns(problem) < unknowns(load(path)):
         storage.save(problem, path, force=True)
-    else:
-        number = known.number
-    search.finds[kind, words] = Find(kind, words, number, path, times)
-
-
-def _reduced(search: HuntState, asked: Asked, folder: Path, end: float) -> Iterator[Shown]:
-    """Reduce each find in the time that is left, and yield what the table shows of it."""
-    finds = list(search.finds.values())
-    for k, find in enumerate(finds):
-        predicate = Predicate(find.kind, FACTOR if find.kind == SLOWER else 0.0, asked.predicate.other)
-        share = max((end - time.monotonic()) / (len(finds) - k), 5.0)
-        case = FailingCase(str(find.path), Asked(asked.solver, predicate, asked.tolerance, asked.limits))
-        place = folder / find.path.stem
-        try:
-            reduced, written = reduce_case(case, place, share)
-        except NoFailure:
-            yield Shown(find, "not there again", 0, "", "")
-            continue
-        sizes = ", ".join(f"{symbol} = {size}" for symbol, size in reduced.problem.sizes().items() if size)
-        yield Shown(find, sizes, digits(reduced.problem), written.level, str(place))
+    search.finds[kind, words] = Find(kind, words, path, times)

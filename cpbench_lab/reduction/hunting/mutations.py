@@ -98,17 +98,6 @@ def _fewer(problem: Problem, solution: Any, rng: Rng) -> Problem:
     return without(problem, [_any_part(problem, rng)], solution)
 
 
-def _friction(problem: Problem, solution: Any, rng: Rng) -> Problem:
-    """Give a contact, or all of them, another coefficient of friction."""
-    mu: Any = getattr(problem, "mu", None)
-    if "mu" not in problem.data() or mu is None or not mu.size:
-        raise CpbenchError(f"{problem.node} has no friction")
-    changed = np.array(dense(mu))
-    where = slice(None) if rng.random() < 0.5 else int(rng.integers(len(changed)))
-    changed[where] = float(rng.choice([0.0, 1e-3, 0.1, 1.0, 10.0]))
-    return bare(problem, {"mu": changed})
-
-
 def _ties(problem: Problem, solution: Any, rng: Rng) -> Problem:
     """Round the numbers to one digit or two, so that ratios tie."""
     _affine_only(problem)
@@ -135,8 +124,8 @@ def _stiffer(problem: Problem, solution: Any, rng: Rng) -> Problem:
 
 
 def _load(problem: Problem, solution: Any, rng: Rng) -> Problem:
-    """Make a vector of the data larger or smaller, or one of its numbers 0 or of the other sign."""
-    names = [n for n, v in problem.data().items() if v.ndim == 1 and v.size and n not in (*FIXED, *FRICTION, *BOUNDS)]
+    """Make a vector of the data larger or smaller, or one of its numbers 0 or of the other sign; friction stays ≥ 0."""
+    names = [n for n, v in problem.data().items() if v.ndim == 1 and v.size and n not in (*FIXED, *BOUNDS)]
     if not names:
         raise CpbenchError(f"{problem.node} has no vector")
     name = names[int(rng.integers(len(names)))]
@@ -144,7 +133,7 @@ def _load(problem: Problem, solution: Any, rng: Rng) -> Problem:
     if rng.random() < 0.4:
         vector *= 10.0 ** float(rng.integers(-6, 7))
     else:
-        vector[int(rng.integers(vector.size))] *= float(rng.choice([0.0, -1.0, 1e-3, 1e3]))
+        vector[int(rng.integers(vector.size))] *= float(rng.choice([0.0, 1.0 if name in FRICTION else -1.0, 1e-3, 1e3]))
     return bare(problem, {name: vector})
 
 
@@ -159,6 +148,5 @@ def _degenerate(problem: Problem, solution: Any, rng: Rng) -> Problem:
 
 
 MUTATIONS: Mapping[str, Mutation] = {
-    change.__name__.strip("_"): change
-    for change in (_units, _repeated, _fewer, _friction, _ties, _stiffer, _load, _degenerate)
+    change.__name__.strip("_"): change for change in (_units, _repeated, _fewer, _ties, _stiffer, _load, _degenerate)
 }
