@@ -201,8 +201,8 @@ def of_product(K: ProductCone, *, rows: bool = False, first: int = 0) -> tuple[V
     ub = np.where(kind == fixed, 0.0, np.inf)
     cones: list[ConeFactors] = []
     start = (np.cumsum(K.size) - K.size).astype(np.int64) + first
-    boxes = (fixed, free, Cone.NONNEGATIVE)
-    for of, size in sorted({(int(k), int(s)) for k, s in zip(K.kind, K.size, strict=True) if s > 0 and k not in boxes}):
+    curved = (K.size > 0) & ~np.isin(K.kind, (fixed, free, Cone.NONNEGATIVE))
+    for of, size in np.unique(np.column_stack([K.kind, K.size])[curved].astype(int), axis=0).tolist():
         some = (K.kind == of) & (K.size == size)
         cones.append(ConeFactors(Cone(of), start[some][:, None] + np.arange(size), K.mu[some], K.mu_r[some], rows))
     return lb, ub, cones

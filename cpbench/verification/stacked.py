@@ -6,14 +6,16 @@ thousands of problems are measured in one go, by the code and the definition tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.errors import PointError
+from cpbench.errors import CpbenchError, PointError
+from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Vector, is_psd
 from cpbench.verification.contacts import ContactAnswer, contact_error
@@ -21,6 +23,7 @@ from cpbench.verification.linear import linear_error
 from cpbench.verification.rows import ROWS, STACKED, Groups, System
 from cpbench.verification.sets import Flags
 
+Numbers: TypeAlias = NDArray[np.int64]
 ENTRIES = 2**17
 """Numbers of the data that are judged in one go: what is made of them stays in the cache."""
 
@@ -84,31 +87,76 @@ def _convex(stack: Stack) -> Flags:
     return result
 
 
+def judge_beside(problems: Sequence[Problem], points: Sequence[Point], tolerance: float) -> Verdicts:
+    """Measure one answer to each of several problems of one formulation, whatever their sizes.
+
+    Errors are those of `verdict.judge` to the accuracy of the equilibration (1e-3 of themselves, mostly).
+
+    Raises PointError where an answer does not fit its problem, CpbenchError where the formulations differ.
+    """
+    kind, count = type(problems[0]), len(problems)
+    for problem, point in zip(problems, points, strict=True):
+        problem.check_point(point)
+        if type(problem) is not kind:
+            raise CpbenchError(f"{problem.node} beside {kind.node}: problems side by side have one formulation")
+    rows = [problem.data() for problem in problems]
+    dimension = getattr(problems[0], "dimension", None)
+    others: dict[str, Any] = {} if dimension is None else {"dimension": dimension}
+    whole = kind(**{name: _joined([row[name] for row in rows]) for name in rows[0]}, **others)
+    finite = np.array([point.finite for point in points])
+    answers, owners = {}, {}
+    for name in whole.point_sizes:
+        parts = [getattr(point, name) for point in points]
+        owners[name] = np.repeat(np.arange(count), [part.size for part in parts])
+        answers[name] = np.where(finite[owners[name]], np.concatenate(parts), 0.0)
+    error, unresolvable = _errors(whole, answers, owners, finite, tolerance)
+    return Verdicts(tolerance, (error <= tolerance) & ~unresolvable, error, unresolvable, np.zeros(count, dtype=bool))
+
+
+def _joined(parts: Sequence[Any]) -> Any:
+    if parts[0].ndim == 1:
+        return np.concatenate(parts)
+    return sp.block_diag([sp.csr_array(part) for part in parts], format="csr")
+
+
 def _measured(stack: Stack, some: slice, answers: dict[str, Any], tolerance: float) -> tuple[Vector, Flags]:
     """Errors of the answers to some problems, and whether rounding decides of them."""
     count = some.stop - some.start
     finite = np.ones(count, dtype=bool)
     for x in answers.values():
         finite &= np.isfinite(x).all(axis=1)
-    problem: Any = stack.direct_sum(some)
-    point = problem.point_type(**{name: np.where(finite[:, None], x, 0.0).ravel() for name, x in answers.items()})
+    owners = {name: np.repeat(np.arange(count), x.shape[1]) for name, x in answers.items()}
+    given = {name: np.where(finite[:, None], x, 0.0).ravel() for name, x in answers.items()}
+    return _errors(stack.direct_sum(some), given, owners, finite, tolerance)
+
+
+def _errors(
+    problem: Any, answers: Mapping[str, Vector], owners: Mapping[str, Numbers], finite: Flags, tolerance: float
+) -> tuple[Vector, Flags]:
+    """Errors of answers to problems side by side, and whether rounding decides of them; `owners` : the problem that
+    each number of an answer belongs to."""
+    count = finite.size
     with np.errstate(all="ignore"):
-        answer = ROWS[problem.node](problem, point)
+        answer = ROWS[problem.node](problem, problem.point_type(**answers))
         if isinstance(answer, ContactAnswer):
-            groups = Groups(np.repeat(np.arange(count), problem.nc // count), count, problem.nc)
+            groups = Groups(owners["r"][:: problem.dimension], count, problem.nc)
             errors = contact_error(answer, groups)
             error, floor = groups.largest(errors.errors), groups.largest(errors.floors)
         else:
             if not answer.frame.k:
                 return np.where(finite, 0.0, np.inf), np.zeros(count, dtype=bool)
-            errors = linear_error(answer, Groups(_owners(answer, answers), count, answer.frame.k))
+            errors = linear_error(answer, Groups(_of_blocks(answer, owners), count, answer.frame.k))
             error, floor = errors.errors, errors.floors
     hidden = errors.hidden(error, floor, tolerance) | errors.ill_posed
     return np.where(finite & np.isfinite(error), error, np.inf), finite & hidden
 
 
-def _owners(system: System, answers: dict[str, Any]) -> NDArray[np.int64]:
-    """Return which of the problems side by side has which unknown, (k,): the parts of answers come one after the
+def _of_blocks(system: System, owners: Mapping[str, Numbers]) -> Numbers:
+    """Return which of the problems side by side has which block, (k,): the parts of answers come one after the
     other."""
-    numbers = [np.repeat(np.arange(len(x)), x.shape[1]) for x in answers.values()]
-    return np.concatenate(numbers)[: system.x.size]  # what follows the unknowns are multipliers of bounds
+    numbers = np.concatenate(list(owners.values()))[: system.x.size]  # what follows are multipliers of bounds
+    if system.frame.block is None:
+        return numbers
+    of = np.zeros(system.frame.k, dtype=np.int64)
+    of[system.frame.block] = numbers
+    return of

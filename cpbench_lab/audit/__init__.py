@@ -1,0 +1,1 @@
+"""Whether a physics engine satisfies its own law, step by step."""

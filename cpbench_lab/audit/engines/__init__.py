@@ -1,0 +1,1 @@
+"""Engines that `cpbench audit` knows, one file each."""
