@@ -16,6 +16,7 @@ from cpbench.conversions.base import Conversion
 from cpbench.errors import Ended, NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.programs import NLP
+from cpbench.foundation.child_processes import blas_threads
 from cpbench.foundation.text import read_brackets
 from cpbench.graph import EXACT
 from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers, warm_up
@@ -50,7 +51,9 @@ class RoutedSolver:
     seconds: float = 0.0
 
 
-def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-6, seconds: float = 10.0) -> Solution:
+def solve(
+    problem: Problem, solver: str | None = None, *, tolerance: float = 1e-6, seconds: float = 10.0, threads: int = 1
+) -> Solution:
     """Solve a problem, in this process, and measure the answer on it.
 
     Parameters
@@ -61,6 +64,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
     tolerance : the largest error of an answer that counts as solved (see `Solution.error`).
     seconds : limit of set-up and solve [s], from after the warm-up on. The solver gets it; one that does not look
         at the clock is not stopped, and its answer has the status `timeout`. `cpbench.run` stops whatever does not end.
+    threads : of BLAS and OpenMP in this process, while this lasts; as `--threads` of the command.
 
     Returns
     -------
@@ -81,11 +85,13 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
         raise ProblemError(
             "problem", f"is a {type(problem).__name__}, expected a Problem; cpbench.load reads one from a file"
         )
-    if not (tolerance > 0 and seconds > 0):
-        raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
+    for name, value in (("tolerance", tolerance), ("seconds", seconds), ("threads", threads)):
+        if not value > 0:
+            raise ProblemError(name, "must be positive")
     routed = route_to_solver(problem, solver)
     warm_up(routed.solver)
-    return solve_there(problem, routed, tolerance, seconds)[0]
+    with blas_threads(threads):
+        return solve_there(problem, routed, tolerance, seconds)[0]
 
 
 def route_to_solver(

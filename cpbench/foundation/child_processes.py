@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any, NoReturn
 
 THREAD_VARIABLES = (
@@ -27,8 +27,29 @@ THREAD_VARIABLES = (
     "RAYON_NUM_THREADS",
 )
 """What sets the number of threads of a numerical library, before it is imported."""
+_POOLS: dict[int, Any] = {}
+"""The numerical libraries of this process, by the number of modules that were imported when they were sought."""
 LOOK = 0.001
 """Seconds between two looks at a process, where the system does not report its end."""
+
+
+@contextlib.contextmanager
+def blas_threads(count: int) -> Generator[None]:
+    """Hold the numerical libraries of this process at `count` threads: many on a busy machine wait for each other. Each
+    library is set only where it has another number."""
+    if len(sys.modules) not in _POOLS:
+        import threadpoolctl  # which no other command needs
+
+        _POOLS.clear()
+        _POOLS[len(sys.modules)] = threadpoolctl.ThreadpoolController().lib_controllers
+    before = [(pool, number) for pool in next(iter(_POOLS.values())) if (number := pool.get_num_threads()) != count]
+    for pool, _ in before:
+        pool.set_num_threads(count)
+    try:
+        yield
+    finally:
+        for pool, number in before:
+            pool.set_num_threads(number)
 
 
 def fork(work: Callable[[], object]) -> int:

@@ -137,7 +137,7 @@ def _solve(
     n = prepared.free
     system = ShiftedSystem(prepared.K, n)
     limit = budget.iterations or options.max_iterations
-    deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
+    deadline, progress = budget.deadline(), Progress(STALL)
     counters = {"iterations": 0, "factorizations": 0}
     best = shown = first = np.zeros(prepared.k.size) if start is None else start
     least = np.inf
@@ -152,7 +152,7 @@ def _solve(
         if error <= budget.tolerance or done >= limit:
             break
         trouble = progress.trouble(done, error)
-        if time.monotonic() > deadline:
+        if time.perf_counter() > deadline:
             trouble = f"out of time after {done} iterations"
         if trouble is None:
             if at is None:
@@ -167,7 +167,7 @@ def _solve(
         if trouble is not None or at is None:
             counters["iterations"] += 1
             # what has no interior is left far behind by interior points: Newton's method goes on from the start, too
-            ends = (_finished(prepared, x, budget) for x in (best, first))
+            ends = (_finished(prepared, x, budget.left(deadline)) for x in (best, first))
             best, least = min((best, least), *ends, key=lambda final: final[1])
             if record is not None:
                 record(counters["iterations"], least, partial(answer, best))

@@ -7,11 +7,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from planted_nonlinear import graph as formula
 from sliding import SLIDING
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import cpbench
 from cpbench import formulations
@@ -168,6 +170,27 @@ def test_no_problem_and_no_limits_are_refused() -> None:
         cpbench.solve("file.h5")  # pyright: ignore[reportArgumentType]
     with pytest.raises(ProblemError, match="tolerance: must be positive"):
         cpbench.solve(LCP, "lemke", tolerance=0.0)
+
+
+class CountsThreads(Solver):
+    """Notes how many threads the numerical libraries have while it solves."""
+
+    spec = SolverSpec(name="counts-threads", node="lcp", summary="", method="")
+    seen: ClassVar[list[int]] = []
+
+    def solve(self, prepared, budget, options, start=None, record=None) -> SolverOutput:
+        type(self).seen += [pool["num_threads"] for pool in threadpool_info()]
+        return SolverOutput(claim=Claim.FAILED)
+
+
+def test_blas_has_the_threads_that_are_asked_for_and_its_own_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(solvers._items, "counts-threads", CountsThreads())
+    with threadpool_limits(2):
+        before = [pool["num_threads"] for pool in threadpool_info()]
+        cpbench.solve(LCP, "counts-threads")
+        cpbench.solve(LCP, "counts-threads", threads=2)
+        assert [pool["num_threads"] for pool in threadpool_info()] == before == [2] * len(before)
+    assert CountsThreads.seen == [1] * len(before) + before
 
 
 def test_answers_from_anywhere_are_measured() -> None:
