@@ -33,7 +33,7 @@ from cpbench_solvers.traits import ITERATIVE
 WORTH = 1.0
 """A scaled error is about 1 at zero: an answer beyond that is not a start for the next solver."""
 NEARER = 0.1
-"""A member goes on from where it was, unless another one has come to this share of its error (docs/decisions/0131)."""
+"""A member goes on from where it was, unless another one has come to this share of its error (docs/decisions/0287)."""
 FINER = 0.1
 """Of the tolerance, asked for on a problem of another formulation, whose measure is another one."""
 FIRST_TURN = {

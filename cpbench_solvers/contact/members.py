@@ -174,7 +174,7 @@ class ADMMMember(Member):
         super().__init__(contacts, iteration_work(contacts.rows.problem.W, 0))
 
     def begin(self, r: Vector) -> None:
-        # not at r: from the best point it was caught for 5,000 iterations where it needs 700 from nothing (0131)
+        # not at r: from the best point it was caught for 5,000 iterations where it needs 700 from nothing (0287)
         self._run = ContactSplitting(self._contacts, ADMMContactOptions(), np.zeros(r.size))
 
     def advance(self, most: int, deadline: float) -> None:

@@ -16,8 +16,8 @@ def page() -> str:
     return "\n\n".join(
         [
             "# Decisions",
-            "What was decided, why, and what was rejected. A decision that is revised gets a new file, "
-            "and the status of the old one names it.",
+            "What binds now, why, and what was rejected. A decision that is revised gets a new file, and the status of "
+            "the old one names it; the last line of a record names those that it merged, whose text is in the history.",
             table(["decision", "part", "date", "status"], rows),
         ]
     )

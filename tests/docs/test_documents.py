@@ -183,5 +183,5 @@ def test_a_decision_has_one_status_that_names_later_decisions() -> None:
 def test_what_a_decision_revises_names_it() -> None:
     for number, path in FILES.items():
         for old, other in re.findall(r"[Rr]evises (\d{4})(?: and (\d{4}))?", path.read_text("utf-8")):
-            assert number in status(old), number
-            assert not other or number in status(other), number
+            for one in filter(FILES.get, (old, other)):  # of others, which were merged, git has the text
+                assert number in status(one), number
