@@ -112,7 +112,7 @@ class AutoContact(SolverByParts):
         begin = np.zeros(rows.problem.q.size) if start is None else start.r
         run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
-        while not run.error <= budget.tolerance and run.iterations < limit:
+        while not run.solved and run.iterations < limit:
             if time.monotonic() > deadline:
                 claim, message = Claim.FAILED, f"out of time after {run.iterations} iterations"
                 break

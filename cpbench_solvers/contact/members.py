@@ -57,9 +57,8 @@ class Member(ABC):
         """Work that it will have had after its next turn [ns]: twice as much every time."""
         return math.inf if self.over else self.expected * self.cost * 2.0**self.turns
 
-    @property
-    def due(self) -> float:
-        """That work, or less where it is expected to be done sooner, times its weight [ns]."""
+    def due(self, tolerance: float) -> float:
+        """Return that work, or less where it is expected to be done sooner, times its weight [ns]."""
         return self.weight * self.allowed
 
     @property
@@ -72,7 +71,7 @@ class Member(ABC):
         """Begin at r, or wherever it begins."""
 
     @abstractmethod
-    def advance(self, most: int, deadline: float) -> None:
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
         """Make a step, or a few that belong together, at most `most`."""
 
 
@@ -91,7 +90,7 @@ class NewtonMember(Member):
         self._sweeps = Sweeps(self._contacts.rows)
         self._from(self._start.copy())
 
-    def advance(self, most: int, deadline: float) -> None:
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
         before = self._run.factorizations
         if self._run.step():
             self.steps += 1
@@ -122,7 +121,7 @@ class ProximalMember(Member):
     def begin(self, r: Vector) -> None:
         self._run = ProximalSteps(self._contacts, ProximalNewtonOptions(), r)
 
-    def advance(self, most: int, deadline: float) -> None:
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
         points = self._run
         steps, before = points.newton_steps, points.factorizations
         self.over = not points.step(most, deadline)
@@ -139,28 +138,27 @@ class PlainMember(Member):
 
     unit, counter, expected = "plain sweeps", "sweeps", 1200
 
-    def __init__(self, contacts: ScaledContacts, start: Vector, tolerance: float) -> None:
+    def __init__(self, contacts: ScaledContacts, start: Vector) -> None:
         super().__init__(contacts, sweep_work(contacts.rows))
-        self._start, self._tolerance = start, tolerance
+        self._start = start
 
     @property
     def r(self) -> Vector:
         return self._sweeps.best
 
-    @property
-    def due(self) -> float:
+    def due(self, tolerance: float) -> float:
         if self.over or self.steps == 0:
             return self.allowed
         spent = round(self.spent / self.cost)
         turn = round(self.allowed / self.cost) - spent
-        return SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error).due(self._tolerance)
+        return SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error).due(tolerance)
 
     def begin(self, r: Vector) -> None:
         self._sweeps = AcceleratedSweeps(self._contacts.rows, self._start, self._contacts.rows.plain)
 
-    def advance(self, most: int, deadline: float) -> None:
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
         count = max(math.ceil((self.allowed - self.spent) / self.cost), 1)
-        self.over = not self._sweeps.sweep(min(count, most, PIECE), self._tolerance)
+        self.over = not self._sweeps.sweep(min(count, most, PIECE), tolerance)
         sweeps, self.steps = self._sweeps.done - self.steps, self._sweeps.done
         self.spent += max(sweeps, 1) * self.cost
 
@@ -177,7 +175,7 @@ class ADMMMember(Member):
         # not at r: from the best point it was caught for 5,000 iterations where it needs 700 from nothing (0287)
         self._run = ContactSplitting(self._contacts, ADMMContactOptions(), np.zeros(r.size))
 
-    def advance(self, most: int, deadline: float) -> None:
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
         splitting = self._run
         before = splitting.counters["factorizations"]
         self.over = splitting.step() is not None
@@ -200,7 +198,7 @@ class InteriorMember(Member):
         nothing = np.zeros(r.size)
         self._run = ContactInteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
 
-    def advance(self, most: int, deadline: float) -> None:
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
         self.over = self._run.step(1, 0.0, 0.0) is not None
         self.steps += 1
         self.factorizations += 1

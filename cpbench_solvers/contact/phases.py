@@ -12,8 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Record
+from cpbench.solvers.shared.progress import reduced
+from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.members import (
     PIECE,
     ADMMMember,
@@ -24,6 +26,7 @@ from cpbench_solvers.contact.members import (
     ProximalMember,
 )
 from cpbench_solvers.contact.newton_equation import ContactFunction
+from cpbench_solvers.contact.parts import MeasuredParts
 from cpbench_solvers.contact.policy import SweepProgress, next_method, sweep_work
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
@@ -52,7 +55,9 @@ class Phases:
         deadline: float,
         record: Record | None,
     ) -> None:
-        self._contacts, self._budget, self._record = contacts, budget, record
+        self._contacts, self._seed, self._record, self.tolerance = contacts, budget.seed, record, budget.tolerance
+        self._enough = SURE * budget.tolerance
+        self._measured = MeasuredParts(contacts.rows, np.zeros(contacts.rows.problem.nc, np.int64), 1)
         self.limit, self.deadline = limit, deadline
         self.best, self.error, self.iterations = sweeps.best.copy(), sweeps.error, sweeps.done
         self.counters = counters(sweeps.done)
@@ -70,8 +75,21 @@ class Phases:
             "natural": NewtonMember(contacts, start, ContactFunction.NATURAL_MAP),
             "proximal": ProximalMember(contacts),
             "admm": ADMMMember(contacts),
-            "plain": PlainMember(contacts, start, budget.tolerance),
+            "plain": PlainMember(contacts, start),
         }
+
+    @property
+    def solved(self) -> bool:
+        """Whether the best point is within the tolerance by norms and over the free velocities of the part. Where it is
+        only by norms, members go on from where they are, sweeps from there, to an error as much smaller."""
+        while self.error <= self.tolerance:
+            error = float(self._measured.errors(self.best)[0])
+            if error <= self._enough or self.tolerance <= EPS:
+                return True
+            self.tolerance = reduced(self.tolerance, error, self._enough)
+            self._sweeps, self._starts, self._count = None, 0, self._first
+            self._progress = SweepProgress(self._progress.cost, self._count, self._progress.spent)
+        return False
 
     def take_turn(self) -> None:
         """Give the method whose turn it is its turn: until the problem is solved, or the work of the turn is done.
@@ -79,8 +97,8 @@ class Phases:
         A method that has just come much nearer has the next turn too.
         """
         before = self.error
-        due = {name: member.due for name, member in self._members.items()}
-        name = self._ahead or next_method(self._progress.due(self._budget.tolerance), due)
+        due = {name: member.due(self.tolerance) for name, member in self._members.items()}
+        name = self._ahead or next_method(self._progress.due(self.tolerance), due)
         if name is None:
             done, unit = self._sweep(), "sweeps"
         else:
@@ -120,7 +138,7 @@ class Phases:
     def _over(self) -> bool:
         """Whether the tolerance is reached, or the iterations or the time are spent."""
         spent = self.iterations >= self.limit or time.monotonic() > self.deadline
-        return self.error <= self._budget.tolerance or spent
+        return self.error <= self.tolerance or spent
 
     def _advance(self, member: Member) -> int:
         """Give a method its turn."""
@@ -132,7 +150,7 @@ class Phases:
         before = member.factorizations
         while member.spent < due and not member.over and not self._over:
             steps = member.steps
-            member.advance(self.limit - self.iterations, self.deadline)
+            member.advance(self.limit - self.iterations, self.deadline, self.tolerance)
             self._made(member.counter, member.steps - steps)
             r = member.r
             error = self._contacts.rows.judged_error(r)
@@ -146,7 +164,7 @@ class Phases:
         if self._sweeps is None:
             self._sweeps = self._started()
         sweeps = self._sweeps
-        before, end = sweeps.done, self._budget.tolerance
+        before, end = sweeps.done, self.tolerance
         until = before + min(self._count, self.limit - self.iterations)
         self._count = 2 * self._count
 
@@ -172,7 +190,7 @@ class Phases:
             return AcceleratedSweeps(rows, self.best)
         if times % 2 == 1:
             return AcceleratedSweeps(rows, self.best, rows.plain)
-        order = np.random.default_rng(self._budget.seed + times).permutation(rows.problem.nc)
+        order = np.random.default_rng(self._seed + times).permutation(rows.problem.nc)
         return AcceleratedSweeps(rows, None, rows.sweeping(order))
 
     def _made(self, name: str, count: int) -> None:
