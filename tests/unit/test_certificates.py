@@ -10,6 +10,7 @@ import numpy as np
 import planted
 import pytest
 import scipy.sparse as sp
+from rational import exact, solved
 
 from cpbench.formulations import AVI, LCP, MLCP, QP, ConeQP
 from cpbench.formulations.local_contact import FrictionContact
@@ -135,20 +136,6 @@ def test_programs_without_a_least_value_are_proved(seeds: range) -> None:
 # -------------------------------------------------------------------------------- what has a solution, by very little
 
 
-def _solution(M: np.ndarray, q: np.ndarray) -> list[Fraction]:
-    """z with Mz + q = 0 by Gaussian elimination over the rationals."""
-    n = len(q)
-    rows = [[*(Fraction(v) for v in M[i].tolist()), -Fraction(float(q[i]))] for i in range(n)]
-    for i in range(n):
-        pivot = next(r for r in range(i, n) if rows[r][i])
-        rows[i], rows[pivot] = rows[pivot], rows[i]
-        for r in range(n):
-            if r != i and rows[r][i]:
-                factor = rows[r][i] / rows[i][i]
-                rows[r] = [x - factor * y for x, y in zip(rows[r], rows[i], strict=True)]
-    return [rows[i][n] / rows[i][i] for i in range(n)]
-
-
 def near_block(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """M within 1e-12 of a matrix for which Mz + q ≥ 0 has no z ≥ 0, with a z > 0 that makes it 0 exactly."""
     rng = np.random.default_rng(4000 + seed)
@@ -156,7 +143,8 @@ def near_block(seed: int) -> tuple[np.ndarray, np.ndarray]:
     row, column = 2.0 ** rng.integers(-20, 20, 2), 2.0 ** rng.integers(-20, 20, 2)
     M = np.array([[1.0, -1.0], [-1.0, 1.0 + delta]]) * row[:, None] * column
     q = np.array([-rng.uniform(0.1, 1.0), -rng.uniform(0.1, 1.0)]) * row
-    z = _solution(M, q)
+    z = solved(exact(M), [-Fraction(float(v)) for v in q])
+    assert z is not None
     assert all(v > 0 for v in z)
     return M, q
 

@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import planted_contact
 import pytest
+from rational import exact, solved
 
 from cpbench import graph, verification
 from cpbench.conversions.base import make
@@ -223,16 +224,9 @@ def test_constraints_whose_reactions_move_contacts_without_a_say_of_r() -> None:
 
 def exact_schur(A, c, d) -> Fraction:
     """dᵀA⁻¹c of the doubles as they are."""
-    rows = [[Fraction(float(x)) for x in row] + [Fraction(float(y))] for row, y in zip(A, c, strict=True)]
-    n = len(rows)
-    for i in range(n):
-        k = next(k for k in range(i, n) if rows[k][i])
-        rows[i], rows[k] = rows[k], rows[i]
-        for j in range(n):
-            if j != i and rows[j][i]:
-                factor = rows[j][i] / rows[i][i]
-                rows[j] = [x - factor * y for x, y in zip(rows[j], rows[i], strict=True)]
-    return sum((Fraction(float(d[i])) * rows[i][n] / rows[i][i] for i in range(n)), Fraction(0))
+    x = solved(exact(A), [Fraction(float(y)) for y in c])
+    assert x is not None
+    return sum((Fraction(float(y)) * z for y, z in zip(d, x, strict=True)), Fraction(0))
 
 
 def eliminated(size: float, seed: int) -> tuple[MLCP, Fraction]:

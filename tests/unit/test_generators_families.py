@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from rational import exact, solved
 
 from cpbench.formulations import LCP
 from cpbench.foundation import matrices
@@ -20,34 +21,14 @@ from cpbench_problems.generators.lcp_classics import isolated, munson1
 from cpbench_problems.generators.lcp_hard import csizmadia_degenerate, cycling
 
 
-def _exact(M: np.ndarray) -> list[list[Fraction]]:
-    return [[Fraction(float(value)) for value in row] for row in matrices.dense(M)]
-
-
-def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> list[Fraction] | None:
-    """Solve a square system over the rationals; None where it is singular."""
-    n = len(rows)
-    table = [[*row, value] for row, value in zip(rows, right, strict=True)]
-    for c in range(n):
-        pivot = next((r for r in range(c, n) if table[r][c]), None)
-        if pivot is None:
-            return None
-        table[c], table[pivot] = table[pivot], table[c]
-        table[c] = [value / table[c][c] for value in table[c]]
-        for r in range(n):
-            if r != c and table[r][c]:
-                table[r] = [a - table[r][c] * b for a, b in zip(table[r], table[c], strict=True)]
-    return [row[n] for row in table]
-
-
 def _solutions(problem: LCP) -> set[tuple[Fraction, ...]]:
     """Return the solutions of an LCP at its complementary bases, by trying all 2ⁿ of them."""
-    M, q = _exact(problem.M), [Fraction(float(value)) for value in problem.q]
+    M, q = exact(problem.M), [Fraction(float(value)) for value in problem.q]
     n = len(q)
     found: set[tuple[Fraction, ...]] = set()
     for size in range(n + 1):
         for basis in itertools.combinations(range(n), size):
-            part = _solved([[M[i][j] for j in basis] for i in basis], [-q[i] for i in basis])
+            part = solved([[M[i][j] for j in basis] for i in basis], [-q[i] for i in basis])
             if part is None or any(value < 0 for value in part):
                 continue
             z = dict(zip(basis, part, strict=True))
@@ -143,7 +124,7 @@ def _path(A: list[list[Fraction]], B: list[list[Fraction]], label: int) -> int:
 )  # fmt: skip
 def test_paths_of_lemke_and_howson_grow_as_published(d: int, longest: int) -> None:
     """Savani and von Stengel 2006: a(d) = 4 a(d − 2) + a(d − 4) + 4 for the labels 1 and d, so by 4.236 a step."""
-    payoffs = [_exact(payoff) for payoff in bimatrix.long_path_payoffs(d)]
+    payoffs = [exact(payoff) for payoff in bimatrix.long_path_payoffs(d)]
     lengths = [_path(*payoffs, label) for label in range(2 * d)]
     assert max(lengths) == lengths[0] == lengths[d - 1] == longest
 
