@@ -12,6 +12,7 @@ import pytest
 
 from cpbench import graph
 from cpbench.conversions.base import make
+from cpbench.conversions.contact_laws import clipped
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.expressions import Map
@@ -112,10 +113,19 @@ def test_micp_tells_where_it_is_singular(rng, states):
     assert (condition > 1e10) == bool(told.size)
 
 
+def test_a_contact_without_friction_is_singular_nowhere():
+    """It touches and moves along."""
+    problem = FrictionContact(W=np.eye(3), q=[0.0, -1.0, 0.0], mu=[0.0])
+    target, there = planted.both_ways(make("fc-micp"), problem, problem.zero_point())
+    assert not graph.remarks(target, there)
+
+
 def test_micp_lift_mends_what_a_singular_contact_leaves_open():
     """x_N = 0 leaves ‖x_T‖ ≤ √error: the lifted reaction is in its cone all the same."""
     problem = FrictionContact(W=np.eye(3), q=[1.0, 1.0, 0.0], mu=[0.5])
     almost = MiCPPoint(z=[0.0, 1e-6, 0.0, 0.0])
+    np.testing.assert_allclose(clipped(np.array([[2.0, 3.0, 4.0], [-1.0, 1.0, 0.0]]), np.array([0.5, 0.5])),
+                               [[2.0, 0.6, 0.8], [0.0, 0.0, 0.0]])  # fmt: skip
     edge = make("fc-micp")
     target = edge.step(problem)
     assert 1e-7 <= target.residuals(almost).error <= 1e-5

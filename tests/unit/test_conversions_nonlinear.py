@@ -105,13 +105,12 @@ def test_a_minimum_without_multipliers_is_why_an_edge_is_one_way_only():
 
 
 def test_the_forces_on_z_become_multipliers_of_its_bounds():
-    """Pressed against lb, against ub, free with a rest, fixed; of two small numbers the smaller is 0."""
-    target = chain(
-        NLP(f=formula(4, lambda x: x[0] - x[1] + 1e-9 * x[2] - 3.0 * x[3]), lb=[0, 0, 0, 2], ub=[1, 1, 1, 2]),
-        "nlp-micp",
-    )
-    lifted = graph.lift(target, MiCPPoint(z=[1e-9, 1.0, 0.5, 2.0]))
-    np.testing.assert_array_equal(lifted.nu, [1.0, -1.0, 0.0, -3.0])
+    """Pressed against lb, against ub, free with a rest, fixed, fixed but for more than its force; of two small numbers
+    the smaller is 0."""
+    prices = np.array([1.0, -1.0, 1e-9, -3.0, 1e-3])
+    problem = NLP(f=formula(5, lambda x: prices @ x), lb=[0, 0, 0, 2, 2], ub=[1, 1, 1, 2, 2])
+    lifted = graph.lift(chain(problem, "nlp-micp"), MiCPPoint(z=[1e-9, 1.0, 0.5, 2.0, 2.01]))
+    np.testing.assert_array_equal(lifted.nu, [1.0, -1.0, 0.0, -3.0, 1e-3])
 
 
 # -------------------------------------------------------------------------------------------- inequalities

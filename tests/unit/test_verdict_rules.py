@@ -58,6 +58,14 @@ def test_a_program_without_an_objective_needs_no_multipliers(z: float, solved: b
     assert judge(problem, point, 1e-6).solved == solved
 
 
+def test_a_side_that_is_none_leaves_the_other_rows() -> None:
+    """z = 0 meets z ≥ −10²⁰, and not z ≥ 1."""
+    problem = QP.build(np.eye(1), [0.0], A=np.ones((2, 1)), b=[-1e20, 1.0])
+    for z, lam in ((0.0, 0.0), (1.0, 1.0)):
+        point = QPPoint(z=np.array([z]), lam=np.array([0.0, lam]), mu=np.zeros(0), nu=np.zeros(1))
+        assert judge(problem, point, 1e-6).solved == (z == 1.0)
+
+
 def test_an_unknown_beyond_a_finite_set_is_wrong_where_no_row_depends_on_it() -> None:
     """0 ≤ z ≤ 10⁻³ beside w = (0, z₂ − 10⁻³/2): z₁ = 1.5 · 10⁻³ is beyond by a third of itself, the largest."""
     problem = Relay(M=np.diag([0.0, 1.0]), q=np.array([0.0, -5e-4]), lb=np.zeros(2), ub=np.full(2, 1e-3))
