@@ -34,7 +34,7 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "unit"))
 import planted
 
 NATIVE = ("dual-active-set", "proximal-active-set", "interior-point-qp", "augmented-lagrangian")
-BACKENDS = ("piqp", "proxqp", "quadprog", "daqp", "osqp", "clarabel", "highs", "pyqpmad", "qpalm", "cvxopt")
+BACKENDS = ("piqp", "proxqp", "quadprog", "daqp", "osqp", "clarabel", "highs", "qpalm", "cvxopt")
 LARGE = ("interior-point-qp", "augmented-lagrangian", "piqp", "osqp", "clarabel", "qpalm", "cvxopt")
 """Who is asked for sparse problems of 2000 unknowns: the others are dense."""
 SLOW = 10.0

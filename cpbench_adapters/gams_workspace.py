@@ -36,7 +36,7 @@ LICENSING = 7
 """Return code of GAMS for a licence that it refuses."""
 DEMO_ROWS = 1000
 """Most rows and columns of a nonlinear or complementarity model under the demo licence."""
-ADVICE = "pip install --upgrade gamspy gamspy_base for a newer demo licence, or: gamspy install license CODE"
+ADVICE = "gamspy install license CODE, with one of your own: newer packages bring no newer demo licence"
 PUBLISHING = (
     "GAMS' licence: benchmarks may be published with the methodology documented, unless COPT, CPLEX, Gurobi, Knitro, "
     "LINDO or Xpress take part, which needs written consent"

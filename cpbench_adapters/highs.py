@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.solvers.base import Claim, SolverSpec, Trait, register
+from cpbench.formulations.programs import QP
+from cpbench.solvers.base import Availability, Budget, Claim, SolverSpec, Trait, package_version, register
+from cpbench.solvers.stopping import Stopping, no_looser
 from cpbench_adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench_adapters.qp_standard_form import StandardForm
-from cpbench_adapters.qp_tolerances import Settings
+from cpbench_adapters.qp_tolerances import ABSOLUTE, Settings, excess
 
 
 @register
@@ -34,6 +37,7 @@ class Highs(QPBackend):
             "maros-meszaros-QAFIRO": "relative gap 4e-5 at 1e-6: regularization of the Hessian times |z|²",
         },
     )
+    method: ClassVar[str] = "choose"
     claims = {
         "Optimal": Claim.SOLVED,
         "Infeasible": Claim.INFEASIBLE,
@@ -71,13 +75,14 @@ class Highs(QPBackend):
             model.hessian_.start_, model.hessian_.index_ = lower.indptr, lower.indices
             model.hessian_.value_ = lower.data
         solver = highspy.Highs()
-        _set(solver, {"output_flag": False} | settings)
+        _set(solver, {"output_flag": False, "solver": self.method} | settings)
         if solver.passModel(model) == highspy.HighsStatus.kError:
             return BackendAnswer(status="model refused")
         solver.run()
         solution, info = solver.getSolution(), solver.getInfo()
         dual = -np.array(solution.row_dual)
-        counted = max(int(info.qp_iteration_count), int(info.simplex_iteration_count), 0)
+        counts = info.qp_iteration_count, info.simplex_iteration_count, info.ipm_iteration_count
+        counted = max(map(int, (*counts, 0)))
         return BackendAnswer(
             status=solver.modelStatusToString(solver.getModelStatus()),
             x=np.array(solution.col_value) if solution.value_valid else None,
@@ -87,6 +92,51 @@ class Highs(QPBackend):
             counters={"iterations": counted},
             remarks=() if solution.dual_valid else ("no valid multipliers",),
         )
+
+
+@register
+class Hipo(Highs):
+    """HiGHS's interior point for QPs, in a package of its own, whose version has to be that of highspy."""
+
+    spec = SolverSpec(
+        name="hipo",
+        node="qp",
+        summary="HiGHS's interior point by factorizations, sparse",
+        method="interior point",
+        citation="Zanetti and Gondzio, A factorisation-based regularised interior point method, arXiv 2508.04370",
+        requires=("highspy", "highspy_extras"),
+        install="pip install highspy-extras",
+        licence="Apache-2.0",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+    method = "hipo"
+
+    def availability(self) -> Availability:
+        """Return whether both packages have one version; with two, HiGHS takes its active set and says nothing."""
+        found = super().availability()
+        ours, theirs = (package_version(name) for name in self.spec.requires)
+        if not found.ok or ours == theirs:
+            return found
+        advice = f"pip install highspy=={theirs} highspy-extras=={theirs}"
+        return Availability("broken", f"highspy {ours} and highspy-extras {theirs} are of two versions: {advice}")
+
+    def settings(self, budget: Budget) -> Settings:
+        e = max(0.1 * budget.tolerance, 1e-10)
+        own = {"primal_feasibility_tolerance": e, "dual_feasibility_tolerance": e, "ipm_optimality_tolerance": 0.1 * e}
+        limits = {"ipm_iteration_limit": budget.iterations or 200}
+        seconds = {"time_limit": budget.seconds} if math.isfinite(budget.seconds) else {}
+        return no_looser(own, self._defaults) | limits | seconds
+
+    def stopping(self, tolerance: float, problem: QP | None = None) -> Stopping:
+        asked, test = self.settings(Budget(tolerance=tolerance)), "feasibility, absolute; gap, relative"
+        own, factor = {name: asked[name] for name in self._defaults}, 1.0 if problem is None else excess(problem)
+        return Stopping(test=test, differs=ABSOLUTE, defaults=self._defaults, settings=own, factor=factor)
+
+    _defaults: ClassVar[dict[str, float]] = {
+        "primal_feasibility_tolerance": 1e-7,
+        "dual_feasibility_tolerance": 1e-7,
+        "ipm_optimality_tolerance": 1e-8,
+    }
 
 
 def _set(solver: Any, options: Settings) -> None:

@@ -68,7 +68,6 @@ TESTS: Mapping[str, Stopping] = {
         eps_duality_gap_rel=1e-9,
     ),
     "proxqp": _of("residuals in the ∞-norm, absolute; gap", ABSOLUTE, eps_abs=1e-5, eps_rel=0.0, **_GAP),
-    "pyqpmad": _of(_ACTIVE_SET, ABSOLUTE, tolerance=1e-12),
     "qpalm": _of(
         "residuals in the ∞-norm, absolute + relative; no gap",
         ABSOLUTE,
@@ -225,13 +224,6 @@ def _sip(budget: Budget) -> Settings:
     return {"eps_abs": e, "eps_rel": e} | _limits(budget, "max_iterations", 1000, "time_limit")
 
 
-def _pyqpmad(budget: Budget) -> Settings:
-    """Translate ε for an active set method. Its one number is the absolute violation that ends it and the size below
-    which a pivot is 0: above its default 1e-12 it calls a problem with an objective in units of 1e8 infeasible, or
-    solved at an error of 1e-2. So that is the most, and 1e-14 the least. No time limit."""
-    return {"tolerance": min(max(1e-6 * budget.tolerance, 1e-14), 1e-12)} | _limits(budget, "max_iter", 10_000)
-
-
 COMMERCIAL_LEAST = 1e-9
 """Gurobi and COPT refuse feasibilities below this."""
 
@@ -276,7 +268,6 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "osqp": _osqp,
     "piqp": _piqp,
     "proxqp": _proxqp,
-    "pyqpmad": _pyqpmad,
     "qpalm": _qpalm,
     "qtqp": _qtqp,
     "quadprog": _quadprog,

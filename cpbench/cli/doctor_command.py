@@ -12,7 +12,10 @@ from cpbench.bench.availability import SolverState
 from cpbench.cli.list_command import HEAD, RESTRICTED, cells
 from cpbench.cli.progress import shown_progress
 from cpbench.cli.terminal import fitted, print_lines, reading_width, table
-from cpbench.solvers.base import solvers
+from cpbench.solvers.base import package_version, solvers
+
+FAULTS = {("mujoco", "4.0.0"): "computes wrong steps with sparse Jacobians: pip install 'mujoco!=4.0.0'"}
+"""What is known of a version of a package, whichever program uses it."""
 
 
 @click.command()
@@ -24,6 +27,9 @@ def command() -> None:
     """
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
+    for (package, version), fault in FAULTS.items():
+        if package_version(package) == version:
+            print_lines(fitted([f"{package:<12} {version} {fault}"]))
     chosen = list(solvers)
     states = availability.examine(chosen)
     seen = {one.name: one for one in shown_progress(states, len(chosen), "trying solvers")}

@@ -257,7 +257,7 @@ def heavy_hyperstatic(rng: Random) -> Iterator[Plant]:
     weights[-1] *= float(10.0 ** rng.uniform(4.0, 5.0))
     bad = local(tower(weights, 4, 0.0, 0.0))
     twin = replace(bad, W=np.asarray(bad.W) + np.eye(bad.q.size))
-    solvers = ["quadprog", "pyqpmad", "dual-active-set"]
+    solvers = ["quadprog", "dual-active-set"]
     yield from each("hyperstatic", bad, twin, solvers, decoy="masses far apart", tolerance=1e-8)
 
 
@@ -266,7 +266,7 @@ def hyperstatic(rng: Random) -> Iterator[Plant]:
     nc = int(rng.integers(4, 8))
     bad = contacts(rng, nc, shared=nc - 2, mu=0.0)
     twin = replace(bad, W=bad.W + 0.5 * np.eye(3 * nc))
-    yield from each("hyperstatic", bad, twin, ["quadprog", "pyqpmad", "dual-active-set"], tolerance=1e-8)
+    yield from each("hyperstatic", bad, twin, ["quadprog", "dual-active-set"], tolerance=1e-8)
 
 
 def free_blocks(rng: Random) -> tuple[Callable[[float], cp.MLCP], np.ndarray, np.ndarray]:
@@ -298,7 +298,7 @@ def singular(rng: Random) -> Iterator[Plant]:
         Q = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), least]) @ basis.T
         return cp.QP.build(Q, -Q @ z, A=R, b=R @ z - 1.0)
 
-    yield from each("singular", qp(0.0), qp(1.0), ["quadprog", "pyqpmad", "dual-active-set"])
+    yield from each("singular", qp(0.0), qp(1.0), ["quadprog", "dual-active-set"])
     mixed = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), 0.0]) @ basis.T
 
     def equation(least: float) -> cp.Equation:

@@ -18,8 +18,10 @@ from tiers import by_night, some_by_day
 
 from cpbench import storage
 from cpbench.errors import Unavailable
+from cpbench.formulations.linear import AVI
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.solvers import Budget, Claim, Trait, solvers
+from cpbench.solvers.base import Availability
 from cpbench.verification import judge
 from cpbench_adapters.qp_backend import DENSE_LIMIT
 from cpbench_adapters.qp_standard_form import standard_form
@@ -250,3 +252,38 @@ def test_maros_meszaros(backend: Any, name: str, shared_data: Path) -> None:
         # relative to the terms of the objective: those of HS268 cancel to 1e-6 of themselves
         scale = max(1.0, abs(MAROS_MESZAROS[name]), abs(problem.p @ z), abs(constant))
         assert abs(problem.objective(z) + constant - MAROS_MESZAROS[name]) <= 1e-6 * scale
+
+
+def test_interior_points_of_highs_need_both_packages_in_one_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With packages of two versions HiGHS takes its active set, and says nothing."""
+    versions = {"highspy": "1.16.0", "highspy_extras": "1.15.1"}
+    monkeypatch.setattr("cpbench_adapters.highs.package_version", versions.__getitem__)
+    monkeypatch.setattr("cpbench.solvers.base.probe", lambda requires, install: Availability("ok"))
+    state = solvers.get("hipo").availability()
+    assert (state.state, state.detail.split(":")[0]) == (
+        "broken", "highspy 1.16.0 and highspy-extras 1.15.1 are of two versions"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1.0, 1e8])
+def test_daqp_solves_affine_inequalities_with_an_m_that_is_not_symmetric(unit: float) -> None:
+    """Its answer is the planted one: bounds of all kinds, rows and equalities, in whatever unit z is."""
+    pytest.importorskip("daqp")
+    problem, z = planted_avi(30, 10, 3, unit)
+    found = solvers.get("daqp-avi").run(problem, Budget(tolerance=1e-8))
+    assert found.claim is Claim.SOLVED
+    assert judge(problem, found.point, 1e-8).solved
+    assert np.abs(found.point.z - z).max() <= 1e-8 * unit
+
+
+def planted_avi(n: int, m: int, k: int, unit: float) -> tuple[AVI, np.ndarray]:
+    """Return a strictly monotone problem and its solution, of the size of `unit`."""
+    rng = np.random.default_rng(3)
+    G, kind = rng.standard_normal((n, n)), rng.integers(0, 4, n)
+    M, z = G @ G.T / n + 0.5 * (G - G.T) + 0.1 * np.eye(n), unit * rng.standard_normal(n)
+    lb, ub = np.select([kind == 0, kind == 1], [z, z - unit], -np.inf), np.where(kind == 2, z, np.inf)
+    nu = np.select([kind == 0, kind == 2], [1.0, -1.0], 0.0) * rng.uniform(0.1, 1.0, n) * unit
+    A, C, lam = rng.standard_normal((m, n)), rng.standard_normal((k, n)), np.where(rng.random(m) < 0.5, unit, 0.0)
+    mu = unit * rng.standard_normal(k)
+    rows = {"A": A, "b": A @ z - unit * (lam == 0), "C": C, "d": C @ z}
+    return AVI(M=M, q=nu - M @ z + A.T @ lam + C.T @ mu, **rows, lb=lb, ub=ub), z

@@ -193,8 +193,6 @@ def _defaults(package: str) -> Mapping[str, Any]:
         return _named(module.proxqp.Settings())
     if package == "qpalm":
         return _named(module.Settings())
-    if package == "pyqpmad":
-        return _named(module.SolverParameters())
     highs = module.Highs()
     return {name: highs.getOptionValue(name)[1] for name in TESTS["highs"].defaults}
 
@@ -210,7 +208,6 @@ def _named(settings: Any) -> dict[str, Any]:
         ("piqp", "piqp"),
         ("proxqp", "proxsuite"),
         ("qpalm", "qpalm"),
-        ("pyqpmad", "pyqpmad"),
         ("highs", "highspy"),
     ],
 )
