@@ -23,7 +23,6 @@ grams and in tonnes.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -94,9 +93,15 @@ class ConicFixedPoint(Solver):
 
     asymmetry: ClassVar[float] = ASYMMETRY
 
-    @abstractmethod
+    model_type: ClassVar[type[ConicModel]]
+    """The conic solver's model of the programs."""
+
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
-        """Return the conic solver's model of the program with s = 0."""
+        """Return the model of the program with s = 0."""
+        return self.model_type(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
+        return replace(self.model_type.stopping(tolerance), differs=BY_CONTACT, factor=math.inf)
 
     def obstacle(self, problem: LocalContact) -> str | None:
         asymmetry = matrices.asymmetry(problem.W)
@@ -200,12 +205,7 @@ class ClarabelDeSaxce(ConicFixedPoint):
         quick=True,
         options=DeSaxceOptions,
     )
-
-    def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
-        return ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
-
-    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
-        return replace(ClarabelModel.stopping(tolerance), differs=BY_CONTACT, factor=math.inf)
+    model_type = ClarabelModel
 
 
 @register
@@ -225,24 +225,17 @@ class ClarabelDeSaxceRolling(ClarabelDeSaxce):
 class ScsDeSaxce(ConicFixedPoint):
     """The fixed point whose convex programs start from the solution of the last one, with the same factorization."""
 
-    spec = SolverSpec(
+    spec = replace(
+        ClarabelDeSaxce.spec,
         name="scs-de-saxce",
-        node="fc",
         summary="fixed point on De Saxcé's term, every step a second-order cone program by SCS",
-        method="fixed point",
         citation=f"{COULOMB}; {SCS}",
         requires=("scs",),
         install="pip install scs",
         licence="MIT",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=DeSaxceOptions,
+        quick=False,
     )
-
-    def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
-        return ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
-
-    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
-        return replace(ScsModel.stopping(tolerance), differs=BY_CONTACT, factor=math.inf)
+    model_type = ScsModel
 
 
 @register
