@@ -34,7 +34,7 @@ def files() -> dict[str, str]:
             continue
         described = list(_described(command, click.Context(command, context, name), f"cpbench {name}"))
         example = [f"## Example\n\n{verbatim(outputs[name], 'console')}"] if name in outputs else []
-        pages[f"reference/commands/{name}.md"] = "\n\n".join([f"# {name}", described[0], *example, *described[1:]])
+        pages[f"reference/commands/{name}.md"] = "\n\n".join([f"# {name}", *example, "## Help", *described])
         rows.append([f"[{name}](commands/{name}.md)", " ".join((command.help or "").split("\n\n")[0].split())])
     head = ["# Commands", "Each page has the help of a command, and an example that ran when the pages were made."]
     whole = verbatim(cli.get_help(context))

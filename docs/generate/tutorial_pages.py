@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def files() -> dict[str, bytes]:
-    """Return path in the site -> content: page, problems and map of the tutorial, made now, and pictures of races."""
+    """Return path in the site -> content: page, problems and map of the tutorial, made now, and what reports/ has."""
     sys.path.insert(0, str(ROOT / "docs"))
     try:
         from lecture.graph_map import graph_map
@@ -28,9 +28,11 @@ def files() -> dict[str, bytes]:
         made["reference/conversions.svg"] = picture.getvalue()
     finally:
         sys.path.remove(str(ROOT / "docs"))
-    pictures = {
-        "profile.png": "contact/profile-fc-1e-06-cold-1.png",
-        "ratios.png": "speed/ratios.png",
-        "motion.svg": "motion/motion.svg",
+    reports = {
+        "assets/profile.png": "contact/profile-fc-1e-06-cold-1.png",
+        "assets/ratios.png": "speed/ratios.png",
+        "assets/motion.svg": "motion/motion.svg",
+        "results/standard.md": "standard/report.md",
+        "results/answer.png": "standard/answer.png",
     }
-    return {**made, **{f"assets/{name}": (ROOT / "reports" / path).read_bytes() for name, path in pictures.items()}}
+    return {**made, **{name: (ROOT / "reports" / path).read_bytes() for name, path in reports.items()}}

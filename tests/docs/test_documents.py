@@ -31,7 +31,7 @@ NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
 FENCES = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 WALKED = [name for name in NAMES if re.search(r"^```(sh|python)$", (ROOT / name).read_text("utf-8"), re.MULTILINE)]
 METHODS = {f"methods/{page}.md" for page in ("statistics", "tolerances", "engine-laws", "difficulty")}
-GENERATED = {"reference", "lecture", "assets", "decisions/index.md"} | METHODS
+GENERATED = {"reference", "lecture", "assets", "results", "decisions/index.md"} | METHODS
 """What only the build of the documentation makes."""
 
 
