@@ -76,6 +76,8 @@ class HoldLimit:
                     else "by a cone program, to rounding; no proof"
                 )
                 yield f"  {self.name} = {value:<18.12g} {'holds' if holds else 'does not hold':<14} {proof}"
+        if not math.isnan(self.holding):
+            yield "  holds: some forces keep all at rest; it may move as well, as `cpbench solve` then says"
 
     def record(self) -> dict[str, Any]:
         """Return the answer and the two values with their proofs as exact fractions, as JSON takes them."""

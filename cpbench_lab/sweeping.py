@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.analysis.contact_freedom import freedom_lines
 from cpbench.api.solution import Solution, objective_of
 from cpbench.api.solving import solve
 from cpbench.bench.planning import grids
 from cpbench.errors import CpbenchError, ProblemError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.foundation.text import some_of
 from cpbench.verification import error_text
 
 COEFFICIENTS = ("mu", "mu_r")
@@ -102,3 +104,15 @@ def cells(answer: SweptAnswer) -> list[str]:
     numbers = [] if objective is None else [objective]
     numbers += next(iter(solution.point.arrays().values()))[:FEW].tolist()
     return [*first, *(f"{number:.9g}" for number in numbers)]
+
+
+def remarks(name: str, answers: Sequence[SweptAnswer]) -> Iterator[str]:
+    """Yield what solved answers with contacts leave open, as `cpbench solve` says it, with the values where they do."""
+    found: dict[str, list[str]] = {}
+    for answer in answers:
+        solution = answer.solution
+        if solution and isinstance(solution.problem, ContactProblem):
+            for line in freedom_lines(solution.problem, solution.point, solution.tolerance):
+                found.setdefault(line.strip(), []).append(f"{answer.value:g}")
+    for line, values in found.items():
+        yield f"  {name} = {some_of(values, FEW)}: {line}"

@@ -9,27 +9,96 @@ import numpy as np
 import scipy.linalg as sla
 
 from cpbench.analysis.contact_states import State, contact_states
+from cpbench.analysis.contact_table import contact_ids
 from cpbench.formulations.base import Point
 from cpbench.formulations.contact import ContactProblem, without_motion
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Vector, norm
-from cpbench.foundation.text import counted
+from cpbench.foundation.text import counted, some_of
 
 LIMIT, RANK, EDGES = 300, 1e-9, 16
-"""The most rows and columns that are looked at; the least singular value, over the largest; edges of a cone in it."""
+"""The most rows of contacts, bodies and joints that are looked at; the least singular value, over the largest; edges of
+a cone in it."""
 
 
 def freedom_lines(problem: ContactProblem, point: Point, tolerance: float) -> Iterator[str]:
     """Yield a line for each thing that an answer leaves open."""
+    names = contact_ids(problem).astype(str)
     if immobile := without_motion(problem):
-        yield f"  W_NN = 0 at {counted(len(immobile), 'contact')} {immobile}: no force moves it along its normal"
+        which = some_of(names[immobile].tolist(), 8)
+        yield f"  W_NN = 0 at {counted(len(immobile), 'contact')} ({which}): no force moves it along its normal"
     if (free := _free_forces(problem, point, tolerance)).size:
         r, wide = point.arrays()["r"], _free_forces(problem, point, tolerance, wide=True)
         least = norm(np.linalg.qr(wide)[0].T @ r) <= tolerance * norm(r)
         shown = "; these are those of least norm" if least else ""
-        yield f"  forces are not unique (hyperstatic, of {counted(free.shape[1], 'dimension')}){shown}"
+        size = np.linalg.norm(free.reshape(problem.nc, -1), axis=1)
+        which = some_of(names[size > 1e-6 * size.max()].tolist(), 8)
+        many = counted(free.shape[1], "dimension")
+        yield f"  forces are not unique (hyperstatic, of {many}): contacts {which}{shown}"
     if problem.nc and _holds_at_rest(problem, point):
         yield "  the motion is not unique: forces at the contacts can hold all at rest, too (cpbench sweep --bisect)"
+    count, contacts, _ = moving(problem, point, tolerance)
+    if count:
+        which = some_of(names[contacts].tolist(), 8)
+        yield f"  the motion is not unique (of {counted(count, 'dimension')}): contacts {which} may slide otherwise"
+
+
+def moving(problem: ContactProblem, point: Point, tolerance: float) -> tuple[int, list[int], Vector]:
+    """Return of how many dimensions the other motions near an answer are, the contacts that move otherwise in one, and
+    the reactions there.
+
+    Near an answer forces and velocities keep the state of each contact: 0 at an open one, u = 0 at one that sticks, u_N
+    = 0 and r_T = −μ r_N u_T/‖u_T‖ at one that slips. The answer is moved onto these equations by Newton steps; the null
+    space of their derivative, where that changes velocities, are the other motions: sliding contacts of which loads may
+    shift without a motion, but not their friction. One of them, 1 % or 0.1 % away, has to meet the law of contact, too.
+    """
+    n, d = problem.nc * problem.dimension, problem.dimension
+    if not _small(problem) or hasattr(problem, "mu_r") or problem.node == "afc":
+        return 0, [], np.zeros(n)
+    states, unit = contact_states(problem, point, tolerance), np.repeat(np.sqrt(problem.rho), d)
+    W, eye, nc = unit[:, None] * _mobility(problem) * unit, np.eye(n), problem.nc
+    start, velocity = states.r.ravel() / unit, states.u.ravel() * unit
+
+    def law(x: Vector) -> tuple[Vector, Dense]:
+        u = (velocity + W @ (x - start)).reshape(nc, d)
+        rest, slope = x.copy(), eye.copy()
+        for c in np.flatnonzero(states.state != str(State.OPEN)).tolist():
+            at, (normal, *tangents) = slice(c * d, (c + 1) * d), range(c * d, (c + 1) * d)
+            slips = states.state[c] == str(State.SLIP) or problem.mu[c] == 0.0
+            still = slice(normal, normal + 1) if slips else at
+            rest[still], slope[still] = u.ravel()[still], W[still]
+            if slips:
+                size, push = norm(u[c, 1:]) or 1.0, problem.mu[c] * x[normal]
+                e = u[c, 1:] / size
+                rest[tangents] = x[tangents] + push * e
+                slope[tangents] += problem.mu[c] * np.outer(e, eye[normal])
+                slope[tangents] += push / size * (np.eye(d - 1) - np.outer(e, e)) @ W[tangents]
+        return rest, slope
+
+    def settled(x: Vector) -> Vector:
+        for _ in range(8):
+            rest, slope = law(x)
+            x = x - np.linalg.lstsq(slope, rest, rcond=1e-6)[0]
+        return x
+
+    x = settled(start)
+    _, s, vt = np.linalg.svd(law(x)[1])
+    null = vt[s <= RANK * s.max(initial=0.0)].T
+    _, gains, mix = np.linalg.svd(W @ null, full_matrices=False)
+    count = int((gains > 1e-6 * np.abs(W).max()).sum())
+    y = velocity + W @ (x - start)
+    if not count:
+        return 0, [], x * unit
+    scale = max(norm(x), norm(y))
+    for step in (0.01, -0.01, 1e-3, -1e-3):
+        other = settled(x + step * norm(y) / gains[0] * null @ mix[0])
+        r, u = (given.reshape(nc, d) for given in (other, y + W @ (other - x)))
+        inside = np.linalg.norm(r[:, 1:], axis=1) <= problem.mu * r[:, 0] + 1e-9 * scale
+        change = np.abs(W @ (other - x)).reshape(nc, d).max(axis=1)
+        exact = max(norm(law(at)[0]) for at in (x, other)) <= 1e-9 * scale
+        if exact and inside.all() and u[:, 0].min() >= -1e-9 * scale and norm(change) >= 1e-4 * norm(y):
+            return count, np.flatnonzero(change > 0.1 * change.max()).tolist(), other * unit
+    return 0, [], x * unit
 
 
 def least_forces(problem: ContactProblem, point: Point, tolerance: float) -> Point | None:
@@ -43,16 +112,26 @@ def least_forces(problem: ContactProblem, point: Point, tolerance: float) -> Poi
     return type(point)(**{**point.arrays(), "r": r - q @ (q.T @ r)})
 
 
-def _equations(problem: Any) -> tuple[Dense, Dense]:
-    """Return the matrices by which reactions of contacts, and of joints, move or load bodies, in units of their own."""
-    if problem.node in ("gfc", "grfc"):
-        row = 1.0 / np.sqrt(np.maximum(problem.M.diagonal(), np.finfo(float).tiny))
-        return row[:, None] * matrices.dense(problem.H), row[:, None] * matrices.dense(problem.G)
-    W = matrices.dense(problem.W)
-    if problem.node != "fcm":
-        return np.sqrt(problem.effective_mass)[:, None] * W, np.zeros((len(W), 0))
-    V, R = matrices.dense(problem.V), matrices.dense(problem.R)
-    return np.vstack([W, V.T]), np.vstack([V, R])
+def _mobility(problem: Any) -> Dense:
+    """Return W of u = Wr + const, where joints react as they must."""
+    if problem.node not in ("gfc", "grfc"):
+        W = matrices.dense(problem.W)
+        if problem.node != "fcm":
+            return W
+        V = matrices.dense(problem.V)
+        return W - V @ np.linalg.pinv(matrices.dense(problem.R), rcond=RANK) @ V.T
+    row = 1.0 / np.sqrt(np.maximum(problem.M.diagonal(), np.finfo(float).tiny))[:, None]
+    H, G = (row * matrices.dense(part) for part in (problem.H, problem.G))
+    joints = np.zeros((G.shape[1], G.shape[1]))
+    system = np.block([[row * matrices.dense(problem.M) * row.T, G], [G.T, joints]])
+    pushes = np.vstack([H, np.zeros((G.shape[1], H.shape[1]))])
+    return H.T @ np.linalg.lstsq(system, pushes, rcond=RANK)[0][: len(H)]
+
+
+def _small(problem: Any) -> bool:
+    """Return whether a problem is one of those that are looked at."""
+    wide = max([problem.nc * problem.dimension, *(getattr(problem, part, np.zeros(0)).size for part in "fb")])
+    return problem.node in ("fc", "afc", "rfc", "gfc", "grfc", "fcm") and problem.nc > 0 and wide <= LIMIT
 
 
 def _free_forces(problem: ContactProblem, point: Point, tolerance: float, *, wide: bool = False) -> Dense:
@@ -64,7 +143,7 @@ def _free_forces(problem: ContactProblem, point: Point, tolerance: float, *, wid
     of the largest taken as 0 in units √ρ; changes of the reactions of joints alone do not count.
     """
     rows = problem.nc * problem.dimension
-    if rows > LIMIT or problem.node not in ("fc", "afc", "rfc", "gfc", "grfc", "fcm"):
+    if not _small(problem):
         return np.zeros((rows, 0))
     states = contact_states(problem, point, tolerance)
     d, r = problem.dimension, point.arrays()["r"].reshape(problem.nc, -1)
@@ -81,11 +160,8 @@ def _free_forces(problem: ContactProblem, point: Point, tolerance: float, *, wid
     if not columns:
         return np.zeros((rows, 0))
     basis = np.sqrt(problem.effective_mass)[:, None] * np.hstack(columns)
-    A, joints = _equations(problem)
-    u, s, _ = np.linalg.svd(joints, full_matrices=False)
-    kept = u[:, s > RANK * s.max(initial=0.0)]
-    image = A @ basis
-    _, s, vt = np.linalg.svd(image - kept @ (kept.T @ image))
+    image = np.sqrt(problem.effective_mass)[:, None] * (_mobility(problem) @ basis)
+    _, s, vt = np.linalg.svd(image)
     return basis @ vt[int((s > RANK * s.max(initial=0.0)).sum()) :].T
 
 
@@ -93,13 +169,14 @@ def _holds_at_rest(problem: Any, point: Point) -> bool:
     """Return whether an answer moves though forces, in pyramids inside the cones, hold all at rest, to rounding."""
     d, slack = problem.dimension, problem.slacks(point)["u"]
     if problem.node == "gfc" and not (problem.w.any() or problem.b.any()):
-        (A, joints), load, free = _equations(problem), problem.f, problem.free_velocity
-        load = load / np.sqrt(np.maximum(problem.M.diagonal(), np.finfo(float).tiny))
+        row = 1.0 / np.sqrt(np.maximum(problem.M.diagonal(), np.finfo(float).tiny))
+        A, joints = (row[:, None] * matrices.dense(part) for part in (problem.H, problem.G))
+        load, free = row * problem.f, problem.free_velocity
     elif problem.node == "fc":
         A, joints, load, free = matrices.dense(problem.W), np.zeros((problem.q.size, 0)), problem.q, problem.q
     else:
         return False
-    if max(A.shape) > LIMIT or norm(slack) <= 1e-2 * norm(free):
+    if not _small(problem) or norm(slack) <= 1e-2 * norm(free):
         return False
     from scipy.optimize import nnls  # slow to import
 

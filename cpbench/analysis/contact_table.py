@@ -54,6 +54,13 @@ class ContactTable:
         return {state: count for state, count in counts.items() if count}
 
 
+def contact_ids(problem: ContactProblem) -> NDArray[np.int64]:
+    """Return the numbers of contacts that the file has, else their places from 0; shape (nc,)."""
+    contacts = problem.contacts
+    numbered = contacts is not None and contacts.knows("id") and problem.nc > 0
+    return contacts.id if numbered and contacts is not None else np.arange(problem.nc, dtype=np.int64)
+
+
 def contact_table(problem: ContactProblem, point: Point, tolerance: float = 1e-6) -> ContactTable:
     """Return what the contacts of an answer do; `tolerance` tells noise from motion, as in `contact_states`.
 
@@ -61,11 +68,9 @@ def contact_table(problem: ContactProblem, point: Point, tolerance: float = 1e-6
     """
     states = contact_states(problem, point, tolerance)
     moment, rolling, rolls = _rolling(problem, point, states, tolerance)
-    contacts = problem.contacts
-    numbered = contacts is not None and contacts.knows("id") and problem.nc > 0
-    bodies, touched, load = _loads(states, contacts)
+    bodies, touched, load = _loads(states, problem.contacts)
     return ContactTable(
-        id=contacts.id if numbered and contacts is not None else np.arange(problem.nc, dtype=np.int64),
+        id=contact_ids(problem),
         normal=states.r[:, 0],
         friction=np.linalg.norm(states.share, axis=1),
         opening=states.u[:, 0],

@@ -91,9 +91,11 @@ def answer_lines(
         yield f"  {cause}"
         return
     velocities = point.arrays().get("v", np.zeros(0))
-    for first in range(0, velocities.size if most is None else min(velocities.size, 6 * MOST), 6):
+    for first in range(0, velocities[: 6 * (most or velocities.size)].size, 6):
         some = velocities[first : first + 6]
         yield f"  v[{first}:{first + some.size}] = {', '.join(f'{value:.6g}' for value in some.tolist())}"
+    if most is not None and velocities.size > 6 * most:
+        yield f"  and {counted(velocities.size - 6 * most, 'more velocity', 'more velocities')}: --verbose shows them"
     if solved:
         yield from freedom_lines(problem, point, tolerance)
     if note := problem.info.properties.get("note"):

@@ -72,7 +72,7 @@ def command(
     if as_json:
         click.echo(json.dumps([dict(zip(head, row, strict=True)) for row in rows]))
     else:
-        print_lines(table([head, *rows]))
+        print_lines([*table([head, *rows]), *sweeping.remarks(name, answers)])
     if not all(answer.solution for answer in answers):
         sys.exit(1)
 

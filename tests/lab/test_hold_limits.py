@@ -230,7 +230,8 @@ def test_the_command(tmp_path: Path) -> None:
     np.save(tmp_path / "push.npy", -np.eye(6)[0])
     done = command(tmp_path, "sweep", "block.h5", "--over", "mu", "--bisect")
     assert done.returncode == 0
-    first, holds, moves = done.stdout.splitlines()
+    first, holds, moves, meaning = done.stdout.splitlines()
+    assert "it may move as well, as `cpbench solve` then says" in meaning
     assert first.startswith("block (gfc): least friction that holds: mu = 0.75")
     assert "proved: forces in rational arithmetic" in holds
     assert "proved: a motion" in moves
