@@ -157,6 +157,8 @@ class Registry(Generic[T]):
 
     def get(self, name: str) -> T:
         """Return the item called `name`; raises UnknownName with the nearest names."""
+        if name in self._items:  # plugins can add no other one of this name
+            return self._items[name]
         load_plugins()
         if name not in self._items:
             self._seek(name)

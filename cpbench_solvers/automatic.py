@@ -97,10 +97,9 @@ class AutomaticChoice(Solver):
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
-        solver = solvers.get(phases[0].solver)
+        solver, own = ready(phases[0])
         if not any(problem.point_sizes.values()) or phases[0].via or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
-        own = _options(solver, phases[0].options)
         first = solver.setup(solver.hand_over(problem), budget, own)
         return Plan(problem, phases, first, own, solver if phases[0].turn is None else None)
 
@@ -120,8 +119,10 @@ class AutomaticChoice(Solver):
         return run.concluded()
 
 
-def _options(solver: Solver, given: Mapping[str, Any]) -> Any:
-    return solver.spec.options(**given) if given else _default(solver.spec.options)
+def ready(phase: SolverPhase) -> tuple[Solver, Any]:
+    """Return the solver of a phase and its options."""
+    solver = solvers.get(phase.solver)
+    return solver, solver.spec.options(**phase.options) if phase.options else _default(solver.spec.options)
 
 
 @cache
@@ -167,11 +168,11 @@ class _Seat:
         if lift is not _same:
             budget = replace(budget, tolerance=FINER * budget.tolerance)
         if self.prepared is None:
-            deadline, self.options = budget.deadline(), _options(solver, self.phase.options)
+            deadline, self.options = budget.deadline(), ready(self.phase)[1]
             self.prepared = solver.setup(solver.hand_over(problem), budget, self.options)
             budget = budget if math.isinf(budget.seconds) else budget.left(deadline)
-        begin = None if start is None else push(start)
         passing = None if record is None else lambda done, error, point: record(done, error, lambda: lift(point()))
+        begin = None if start is None else push(start)
         output = solver.collect(solver.solve(self.prepared, budget, self.options, begin, passing))
         return output if output.point is None or lift is _same else replace(output, point=lift(output.point))
 
@@ -223,8 +224,8 @@ class _Run:
         share = self._share(seat)
         output = seat.run(share, start, self._recorder())
         self.take(seat, output)
-        made, seat.turn = output.counters.get("iterations", 0), None if seat.turn is None else 2 * seat.turn
-        return output.claim is Claim.MAX_ITER and share.iterations is not None and made >= share.iterations
+        seat.turn = seat.turn and 2 * seat.turn
+        return output.claim is Claim.MAX_ITER and output.counters.get("iterations", 0) >= (share.iterations or math.inf)
 
     def take(self, seat: _Seat, output: SolverOutput) -> None:
         """Take what a turn came to."""

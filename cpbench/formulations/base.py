@@ -177,13 +177,26 @@ _CONTACT_PARTS: tuple[tuple[str, type[np.int64 | np.float64], tuple[int, ...]], 
 )
 
 
+_FLOAT = np.dtype(np.float64)
+
+
+@cache
+def _parts(point: type) -> tuple[str, ...]:
+    """Return the names of the vectors of an answer, in order."""
+    return tuple(f.name for f in fields(point))
+
+
 @dataclass(frozen=True, eq=False)
 class Point:
     """Base of the answers: a dataclass of vectors. Values may be non-finite: a bad answer is still an answer."""
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            object.__setattr__(self, f.name, self._vector(f.name, getattr(self, f.name)))
+        for name in _parts(type(self)):
+            value = getattr(self, name)
+            # written out, for small problems spend as long on their answer as on solving
+            plain = type(value) is np.ndarray and value.ndim == 1 and value.dtype is _FLOAT
+            vector = matrices.freeze(value.copy()) if plain else self._vector(name, value)
+            object.__setattr__(self, name, vector)
 
     def _vector(self, name: str, value: Any) -> Vector:
         label = f"{type(self).__name__}.{name}"

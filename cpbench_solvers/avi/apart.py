@@ -86,9 +86,10 @@ def solve_apart(
 
 def stored_by_entries(problem: Affine) -> Affine:
     """Return a large problem of few entries with sparse matrices, others as they are."""
+    if (n := sum(problem.point_sizes.values())) <= LARGE:
+        return problem
     stored = {name: M for name, M in problem.data().items() if M.ndim == 2}
-    n = sum(problem.point_sizes.values())
-    if n <= LARGE or sum(map(matrices.nnz, stored.values())) > FEW * n * n:
+    if sum(map(matrices.nnz, stored.values())) > FEW * n * n:
         return problem
     return replace(problem, **{name: matrices.sparse(M) for name, M in stored.items()})
 

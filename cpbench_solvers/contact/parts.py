@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -96,17 +97,22 @@ class ContactPart:
         """Return the error of the reactions r of this part, shape (nc·d,)."""
         return float(self.measured.errors(r)[0])
 
-    def hidden(self, r: Vector, tolerance: float) -> bool:
+    def hidden(self, answer: Vector, tolerance: float) -> bool:
         """Return whether rounding hides that the error of these reactions is within the tolerance.
 
         Most are far from that by |W_ij| ≤ d/min ρ, as it is of a W that is positive semidefinite.
         """
-        problem, lengths, d = self.problem, self.problem.lengths.ravel(), self.problem.dimension
-        size = np.abs(problem.q * lengths).max()
-        pushed = d / problem.rho.min() * np.abs(r / lengths).sum()
-        if d * ROUNDINGS * EPS * (pushed + size) < tolerance * size:
+        problem, d, q, r = self.problem, self.problem.dimension, self.problem.q, answer
+        if isinstance(blocks := self.measured.blocks, RollingBlocks):
+            lengths, rho = problem.lengths.ravel(), problem.rho
+            q, r = q * lengths, r / lengths
+        else:
+            rho = blocks.rho
+        size = math.sqrt(q @ q)  # by Cauchy's inequality: ‖q‖₂/√n ≤ ‖q‖∞ and ‖r‖₁ ≤ √n‖r‖₂, for sums take longer
+        pushed = d / rho.min() * math.sqrt(q.size * (r @ r))
+        if d * ROUNDINGS * EPS * (pushed + size) < tolerance * size / math.sqrt(q.size):
             return False
-        return rounding_error(problem, r, np.zeros(problem.nc, np.int64)) >= tolerance
+        return rounding_error(problem, answer, np.zeros(problem.nc, np.int64)) >= tolerance
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import is_sparse, nnz
-from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register, solvers
-from cpbench_solvers.automatic import Plan, SolverPhase, automatic_spec
+from cpbench.solvers.base import Budget, SolverSpec, StackCall, register
+from cpbench_solvers.automatic import Plan, SolverPhase, automatic_spec, ready
 from cpbench_solvers.avi.apart import ByParts
 from cpbench_solvers.lcp.claims import error_of
 from cpbench_solvers.stacks import solve_lcp
@@ -63,7 +62,7 @@ class AutoLCP(ByParts):
         if not 0 < problem.q.size <= SMALL:
             return super().setup(problem, budget, options)
         # no question of the general way has another answer here, and to ask them all takes as long as such a problem
-        solver, own = _on_small()
+        solver, own = ready(ON_SMALL[0])
         return Plan(problem, ON_SMALL, solver.setup(problem, budget, own), own, solver)
 
     def phases(self, problem: LCP) -> Sequence[SolverPhase]:
@@ -82,10 +81,3 @@ class AutoLCP(ByParts):
         faces = [SolverPhase("mprgp", n * n // entries, PROJECTED)] if sweeps and problem.symmetric else []
         bordered = [SolverPhase("bpp")] if positive else []
         return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
-
-
-@cache
-def _on_small() -> tuple[Solver, Any]:
-    """Return the first solver of small problems, ready, and its options."""
-    solver = solvers.get(ON_SMALL[0].solver)
-    return solver, solver.spec.options()
