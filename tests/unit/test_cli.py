@@ -103,35 +103,6 @@ def test_unknown_names_offer_the_nearest(monkeypatch, capsys, lcp, contact, argu
     assert set(lcp.parent.iterdir()) == before
 
 
-@pytest.mark.nightly
-def test_convert_solve_lift_verify_in_several_processes(contact) -> None:
-    """The faceted LCP, solved by Lemke, lifted elsewhere, measured on the contact problem."""
-    folder = contact.parent
-
-    def run(*arguments: str, apart: bool = False) -> str:
-        command = [sys.executable, "-m", "cpbench", *arguments]
-        if apart:
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-        else:
-            done = in_process(folder, *arguments)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    run("convert", "contact.hdf5", "lcp.h5", "--to", "lcp", "--via", "inner[facets=64]", apart=True)
-    assert "solved" in run("solve", "lcp.h5", "-s", "lemke", "-o", "z.h5")
-    run("convert", "z.h5", "r.h5", "--lift", "z.h5", apart=True)  # it holds the converted problem and its way back
-    run("convert", "z.h5", "r.npy", "--lift", "lcp.h5")
-    loose = ("-t", "0.1")
-    assert run("verify", "contact.hdf5", "--answer", "r.h5", *loose) == run(
-        "verify", "contact.hdf5", "--answer", "r.npy", *loose
-    )
-    told = run("verify", "contact.hdf5", "--answer", "r.npy", "-t", "0.1")
-    assert "passes" in told
-    r = np.load(folder / "r.npy")
-    np.testing.assert_allclose(r[3:], 0, atol=1e-12)
-    assert np.hypot(r[1], r[2]) == pytest.approx(0.5 * r[0], rel=2e-3)  # sliding, on the polygon
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_solve_and_verify_end_with_what_was_measured(monkeypatch, capsys, lcp, tmp_path) -> None:
     """1 unless the answer is verified; the answer is written all the same, and never over another."""
