@@ -67,7 +67,7 @@ VARIANTS: dict[str, Callable[[RNG], Made]] = {
     "soclcp": lambda g: planted_conic.soclcp(g, _small(g), _mild(g)),
     "fc-2d": lambda g: planted.fc(g, 3, 2, _mild(g)),
     "fc-3d": lambda g: planted.fc(g, 3, 3, _mild(g), sparse=bool(g.integers(2))),
-    "gfc-2d": lambda g: planted.gfc(g, 2, 2, 2),
+    "gfc-2d": lambda g: planted_contact.gfc(g, 2, 2, 0, 2),
     "gfc-3d-joints": lambda g: planted_contact.gfc(g, 2, 2, 2, 3, symmetric=bool(g.integers(2))),
     "fcm": lambda g: planted_contact.fcm(g, 2, 2, 3, _mild(g)),
     "rfc-3": lambda g: planted_contact.rfc(g, 2, 3, _mild(g)),

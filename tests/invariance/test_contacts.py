@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import planted
+import planted_contact
 import pytest
 from answers import missed_by
 from inclusions import pairs_of
@@ -50,7 +50,7 @@ def _scene(seed: int) -> tuple[FrictionContact, FCPoint]:
     """ContactAnswer of rigid bodies in local form; W = HᵀM⁻¹H has a null space where there are enough of them."""
     rng = np.random.default_rng(seed)
     nc, d = int(rng.integers(2, 8)), 2 if seed % 4 == 0 else 3
-    body, point = planted.gfc(rng, 2, nc, d)
+    body, point = planted_contact.gfc(rng, 2, nc, 0, d)
     M, H = matrices.dense(body.M), matrices.dense(body.H)
     W = H.T @ np.linalg.solve(M, H)
     u = H.T @ point.v + body.w

@@ -16,8 +16,6 @@ from cpbench.formulations import (
     QP,
     FCPoint,
     FrictionContact,
-    GFCPoint,
-    GlobalFrictionContact,
     LCPPoint,
     MLCPPoint,
     QPPoint,
@@ -177,21 +175,6 @@ def bodies_and_contacts(
         for b in rng.choice(bodies, size=min(bodies, 2), replace=False):
             H[6 * b : 6 * b + 6, d * c : d * c + d] = rng.standard_normal((6, d))
     return M, H
-
-
-def gfc(
-    rng: np.random.Generator, bodies: int, nc: int, d: int, *, symmetric: bool = True, sparse: bool = False
-) -> tuple[GlobalFrictionContact, GFCPoint]:
-    """Plant rigid bodies of six unknowns each; every contact touches one or two of them."""
-    n = 6 * bodies
-    M, H = bodies_and_contacts(rng, bodies, nc, d, symmetric)
-    mu = rng.uniform(0.0, 1.0, nc)
-    r, u = contact_state(rng, nc, d, mu)
-    v = rng.standard_normal(n)
-    problem = GlobalFrictionContact(
-        M=stored(M, sparse), H=stored(H, sparse), f=M @ v - H @ r, w=u - H.T @ v, mu=mu, dimension=d
-    )
-    return problem, GFCPoint(v=v, r=r)
 
 
 def enumerate_mlcp(problem: MLCP, tolerance: float = 1e-10) -> MLCPPoint | None:

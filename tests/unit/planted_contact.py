@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from planted import bodies_and_contacts, contact_state, friction, square, stored
 
@@ -87,43 +89,30 @@ def fcm(
     return problem, FCMPoint(r=r, lam=lam)
 
 
+def dynamics(
+    rng: np.random.Generator, p: int, bodies: tuple[np.ndarray, np.ndarray], r: np.ndarray, u: np.ndarray, sparse: bool
+) -> tuple[dict[str, Any], GFCPoint]:
+    """Return data by which r, u and p bilateral constraints are in balance on bodies (M, H), and the answer."""
+    M, H = bodies
+    n = len(M)
+    G, v, lam = rng.standard_normal((n, p)), rng.standard_normal(n), rng.standard_normal(p)
+    matrices = {"M": stored(M, sparse), "H": stored(H, sparse), "G": stored(G, sparse)}
+    vectors = {"f": M @ v - H @ r - G @ lam, "w": u - H.T @ v, "b": -G.T @ v}
+    return matrices | vectors, GFCPoint(v=v, r=r, lam=lam)
+
+
 def gfc(
     rng: np.random.Generator, bodies: int, nc: int, p: int, d: int, *, symmetric: bool = True, sparse: bool = False
 ) -> tuple[GlobalFrictionContact, GFCPoint]:
     """Plant rigid bodies with p bilateral constraints."""
-    M, H = bodies_and_contacts(rng, bodies, nc, d, symmetric)
-    mu = friction(rng, nc)
-    r, u = contact_state(rng, nc, d, mu)
-    G, v, lam = rng.standard_normal((6 * bodies, p)), rng.standard_normal(6 * bodies), rng.standard_normal(p)
-    problem = GlobalFrictionContact(
-        M=stored(M, sparse),
-        H=stored(H, sparse),
-        G=stored(G, sparse),
-        f=M @ v - H @ r - G @ lam,
-        w=u - H.T @ v,
-        b=-G.T @ v,
-        mu=mu,
-        dimension=d,
-    )
-    return problem, GFCPoint(v=v, r=r, lam=lam)
+    made, mu = bodies_and_contacts(rng, bodies, nc, d, symmetric), friction(rng, nc)
+    data, point = dynamics(rng, p, made, *contact_state(rng, nc, d, mu), sparse)
+    return GlobalFrictionContact(**data, mu=mu, dimension=d), point
 
 
 def grfc(
     rng: np.random.Generator, bodies: int, nc: int, p: int, d: int, *, sparse: bool = False
 ) -> tuple[GlobalRollingFrictionContact, GFCPoint]:
-    M, H = bodies_and_contacts(rng, bodies, nc, d, True)
-    mu, mu_r = friction(rng, nc), friction(rng, nc)
-    r, u = rolling_state(rng, nc, d, mu, mu_r)
-    G, v, lam = rng.standard_normal((6 * bodies, p)), rng.standard_normal(6 * bodies), rng.standard_normal(p)
-    problem = GlobalRollingFrictionContact(
-        M=stored(M, sparse),
-        H=stored(H, sparse),
-        G=stored(G, sparse),
-        f=M @ v - H @ r - G @ lam,
-        w=u - H.T @ v,
-        b=-G.T @ v,
-        mu=mu,
-        mu_r=mu_r,
-        dimension=d,
-    )
-    return problem, GFCPoint(v=v, r=r, lam=lam)
+    made, mu, mu_r = bodies_and_contacts(rng, bodies, nc, d, True), friction(rng, nc), friction(rng, nc)
+    data, point = dynamics(rng, p, made, *rolling_state(rng, nc, d, mu, mu_r), sparse)
+    return GlobalRollingFrictionContact(**data, mu=mu, mu_r=mu_r, dimension=d), point

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import planted
 import planted_conic
+import planted_contact
 import planted_nonlinear
 import pytest
 import scipy.sparse as sp
@@ -117,7 +118,7 @@ def test_what_cannot_be_completed_is_refused_in_one_line() -> None:
         cpbench.verify(large, np.zeros(4000))
     with pytest.raises(PointError, match="has 5 numbers, expected 7"):
         cpbench.verify(CASES["qp-0"][0], np.zeros(5))
-    contact, _ = planted.gfc(np.random.default_rng(0), 2, 1, 3)
+    contact, _ = planted_contact.gfc(np.random.default_rng(0), 2, 1, 0, 3)
     with pytest.raises(PointError, match="expected"):
         cpbench.verify(contact, np.zeros(contact.f.size))
 

@@ -73,7 +73,7 @@ def contacts() -> dict[str, object]:
     rng = np.random.default_rng(0)
     return {
         "fc": planted.fc(rng, 3, 3)[0],
-        "gfc": planted.gfc(rng, 2, 3, 3)[0],
+        "gfc": planted_contact.gfc(rng, 2, 3, 0, 3)[0],
         "rfc": planted_contact.rfc(rng, 3, 5)[0],
         "afc": planted_contact.afc(rng, 3)[0],
     }
