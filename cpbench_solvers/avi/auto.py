@@ -16,10 +16,14 @@ from cpbench_solvers.avi.claims import error_of
 
 LARGE = 1000
 """Unknowns beyond which a tableau is asked last."""
+SWEEPS = 100
+"""In the first turn between bounds: what they do not solve by then takes many more."""
 
 
 class _Affine(ByParts):
     """Base of the choices for the two nodes."""
+
+    few: ClassVar[int] = 100
 
     def error(self, problem: AVI | Relay, point: Any, tolerance: float) -> float:
         return error_of(problem, point, tolerance)
@@ -53,10 +57,13 @@ class AutoAVI(_Affine):
 
 @register
 class AutoRelay(_Affine):
-    """Lemke's method between bounds, then Newton's; beyond 1000 unknowns the other way round."""
+    """A few sweeps where the diagonal allows them; Lemke's method between bounds, then Newton's, beyond 1000 unknowns
+    the other way round."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size")
-    members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay")
+    members: ClassVar[tuple[str, ...]] = ("pgs-relay", "lemke-relay", "newton-relay")
 
     def phases(self, problem: Relay) -> Sequence[SolverPhase]:
-        return [SolverPhase(name) for name in (reversed(self.members) if problem.q.size > LARGE else self.members)]
+        sweeps = [SolverPhase("pgs-relay", SWEEPS)] if np.all(problem.M.diagonal()[problem.moving] > 0.0) else []
+        rest = [SolverPhase("lemke-relay"), SolverPhase("newton-relay")]
+        return [*sweeps, *(rest[::-1] if problem.q.size > LARGE else rest)]

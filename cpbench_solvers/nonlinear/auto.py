@@ -14,27 +14,31 @@ from cpbench.foundation import matrices
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import AutomaticChoice, Neighbour, SolverPhase, automatic_spec
 
+STEPS = 20
+"""Of Newton's method on the normal map in its first turn."""
+
 
 @register
 class AutoMiCP(AutomaticChoice):
-    """Josephy–Newton with a path search, the normal map, the Fischer–Burmeister equation.
+    """The normal map, Josephy–Newton with a path search, the Fischer–Burmeister equation.
 
-    Where the first stops at a point that is none, the next one's merit function has its stationary points elsewhere.
+    The first is done in a few cheap steps, or is not for the problem; where one stops at a point that is no solution,
+    the next one's merit function has its stationary points elsewhere.
     """
 
     spec: ClassVar[SolverSpec] = automatic_spec(
         "micp", "auto-micp", "Newton's methods on boxes, the next where one has stopped"
     )
     members: ClassVar[tuple[str, ...]] = (
-        "path-search",
         "newton-normal-map",
+        "path-search",
         "newton-fb-micp",
         "josephy-newton",
     )
 
     def phases(self, problem: MiCP) -> Sequence[SolverPhase]:
         affine = [SolverPhase("auto-avi", via=_box)] if problem.F.compiled.affine else []
-        return [*affine, *super().phases(problem)]
+        return [*affine, SolverPhase(self.members[0], STEPS), *map(SolverPhase, self.members[1:])]
 
 
 @register
@@ -46,7 +50,9 @@ class AutoVI(AutomaticChoice):
 
     def phases(self, problem: VI) -> Sequence[SolverPhase]:
         flat = problem.F.compiled.affine and problem.g.compiled.affine and problem.only_box
-        return [*([SolverPhase("auto-avi", via=_polyhedron)] if flat else []), *super().phases(problem)]
+        box = problem.only_box and not (problem.b.size or problem.d.size or problem.g.rows)
+        neighbours = [SolverPhase("auto-avi", via=_polyhedron)] * flat or [SolverPhase("auto-micp", via=_bounds)] * box
+        return [*neighbours, *super().phases(problem)]
 
 
 @register
@@ -62,6 +68,13 @@ def _box(problem: MiCP) -> Neighbour:
     F = problem.F.compiled
     whole = AVI(M=F.M, q=F.q, lb=problem.lb, ub=problem.ub)
     return Neighbour(whole, lambda p: MiCPPoint(p.z), lambda p: AVIPoint(p.z, np.zeros(0), np.zeros(0)))
+
+
+def _bounds(problem: VI) -> Neighbour:
+    """Return a problem over a box alone as mixed complementarity."""
+    lb, ub = problem.box
+    none, whole = np.zeros(0), MiCP(F=problem.F, lb=lb, ub=ub, start=problem.start)
+    return Neighbour(whole, lambda p: VIPoint(p.z, none, none, none), lambda p: MiCPPoint(p.z))
 
 
 def _polyhedron(problem: VI) -> Neighbour:

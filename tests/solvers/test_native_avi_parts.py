@@ -87,10 +87,12 @@ def test_claims_hold_for_problems_side_by_side(name: str) -> None:
 
 def test_a_part_without_a_solution_is_named() -> None:
     """z = -1 has no point beside z ≥ 0; the other part is z₂ = 1."""
-    P = AVI(M=np.eye(2), q=np.array([0.0, -1.0]), C=np.array([[1.0, 0.0]]), d=np.array([-1.0]), lb=np.zeros(2))
-    output = solvers.get("auto-avi").run(P, Budget())
-    assert output.claim is not Claim.SOLVED
-    assert "part 1 (2 unknowns and rows)" in output.message
+    for n in (2, 200):  # as a whole, and by parts
+        q, C = -np.ones(n), np.eye(1, n)
+        q[0] = 0.0
+        output = solvers.get("auto-avi").run(AVI(M=np.eye(n), q=q, C=C, d=-np.ones(1), lb=np.zeros(n)), Budget())
+        assert output.claim is Claim.INFEASIBLE
+        assert n == 2 or "part 1 (2 unknowns and rows)" in output.message
 
 
 def test_rows_without_entries_join_nothing() -> None:
