@@ -1,4 +1,4 @@
-"""Write a plugin that works: a solver in some language, a conversion or problems."""
+"""Write a plugin that works: a solver in some language, a conversion, problems, or an engine for audits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cpbench.cli.types import FOLDER
 from cpbench.testing import new_ci, new_plugin
 
 LANGUAGES = ("python", "cpp", "julia")
-KINDS = ("solver", "conversion", "problem")
+KINDS = ("solver", "conversion", "problem", "engine")
 CI = "ci"
 
 
@@ -39,9 +39,10 @@ CI = "ci"
 def command(
     kind: str, name: str | None, lang: str, node: str, host: str, build: str, output: Path | None, force: bool
 ) -> None:
-    """Write a plugin that works: a solver, a conversion or a collection of problems, for you to change.
+    """Write a plugin that works, for you to change: a solver, a conversion, a collection of problems, or the capture of
+    a physics engine.
 
-    It passes `cpbench check` as it is. NAME is a word of letters, digits, - and _.
+    It passes `cpbench check` as it is, an engine `cpbench audit`. NAME is a word of letters, digits, - and _.
 
     `cpbench new ci mine.toml` writes a workflow for the repository of a solver, which compares each pull request with
     its base. NAME is then the plugin of the solver; --host shell writes the script that all hosts run.
@@ -53,7 +54,7 @@ def command(
         if name is None:
             raise click.UsageError(f"a name is missing: cpbench new {kind} NAME")
         folder, texts = output or Path(name), new_plugin.plugin_texts(kind, name, lang, node)
-        steps = new_plugin.next_steps(lang, folder, texts)
+        steps = new_plugin.next_steps(kind, name, lang, folder, texts)
     new_plugin.write_files(folder, texts, force)
     print_lines(f"wrote {folder / file}" for file in sorted(texts))
     print_lines(f"next: {step}" for step in steps)

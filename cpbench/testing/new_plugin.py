@@ -29,7 +29,7 @@ def plugin_texts(kind: str, name: str, lang: str, node: str) -> dict[str, str]:
 
     Parameters
     ----------
-    kind : solver, conversion or problem. name : of letters, digits, - and _. lang : language of a solver.
+    kind : solver, conversion, problem or engine. name : of letters, digits, - and _. lang : language of a solver.
     node : its formulation.
 
     Raises CpbenchError where there is no such template, DuplicateName where the name is taken, UnknownName.
@@ -46,7 +46,7 @@ def _require_free(kind: str, name: str) -> None:
     """Raise DuplicateName when the name belongs to something that is registered."""
     from cpbench.testing.conduct import REGISTRIES
 
-    if name in REGISTRIES[kind]:
+    if kind in REGISTRIES and name in REGISTRIES[kind]:
         raise DuplicateName(f"the {kind} '{name}' exists already: take another name")
 
 
@@ -71,9 +71,11 @@ def write_files(folder: Path, texts: Mapping[str, str], force: bool) -> None:
         raise FormatError(folder, "", f"cannot be written ({cause.strerror or cause})") from None
 
 
-def next_steps(lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
+def next_steps(kind: str, name: str, lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
     """Return the commands to go on with."""
     plugin = next(file for file in sorted(texts) if file.endswith(".py" if lang == "python" else ".toml"))
+    if kind == "engine":
+        return [shlex.join(["cpbench", "--plugin", str(folder / plugin), "audit", name, "pile", "--steps", "200"])]
     check = shlex.join(["cpbench", "check", str(folder / plugin)])
     if lang == "cpp":
         return [shlex.join(["make", "-C", str(folder)]), check]

@@ -14,6 +14,7 @@ import numpy as np
 from cpbench.errors import FormatError, ProblemError
 from cpbench.foundation.matrices import Vector
 from cpbench.verification import error_text, judge
+from cpbench.verification.contacts import contact_error
 from cpbench.verification.linear import distances, sizes_of
 from cpbench.verification.rows import ROWS, System
 from cpbench.verification.stacked import judge_beside
@@ -84,8 +85,10 @@ class Audit:
         yield f"  {head['engine']} {head['version']}{options}, {head['scene']}, dt {head['dt']:g} s; law: {head['law']}"
         yield f"  error on that law: median {median(c['error']):.1e}; a step breaks it above {head['tolerance']:g}"
         yield f"  error on Coulomb's law of the same contacts: median {median(c['coulomb']):.1e}"
-        yield f"  creep of contacts that stick: median {1e6 * median(c['creep']):.3g} µm/s"
-        yield f"  friction against sliding: median {median(c['angle']):.2g} degrees off"
+        if np.isfinite(c["creep"]).any():
+            yield f"  creep of contacts that stick: median {1e6 * median(c['creep']):.3g} µm/s"
+        if np.isfinite(c["angle"]).any():
+            yield f"  friction against sliding: median {median(c['angle']):.2g} degrees off"
         iterations = f"median {median(c['iterations']):.0f}, most {c['iterations'].max(initial=0):.0f}"
         yield f"  contacts: median {median(c['contacts']):.0f}; iterations: {iterations}"
         times = (f"{name} {1e3 * s / max(c['error'].size, 1):.2g} ms" for name, s in self.seconds.items())
@@ -210,13 +213,15 @@ def _where(step: EngineStep | None, engine: Engine) -> str:
     if step is None or not step.answer.finite:
         return "not finite"
     system: Any = ROWS[step.problem.node](step.problem, step.answer)
-    if not isinstance(system, System):
-        return "at its contacts"
-    layout = system.frame.layout
     with np.errstate(all="ignore"):
-        missed = distances(system, layout, sizes_of(system, layout, system.frame.terms @ system.sizes))
-    block = np.arange(missed.size) if system.frame.block is None else system.frame.block
-    owners = [int(k) for k in step.owners[(missed >= 0.5 * missed.max())[block]]]
+        if isinstance(system, System):
+            layout, block = system.frame.layout, system.frame.block
+            missed = distances(system, layout, sizes_of(system, layout, system.frame.terms @ system.sizes))
+            missed, owners = missed if block is None else missed[block], step.owners
+        else:  # contacts come last in the answer, and first among the errors
+            missed = np.repeat(contact_error(system).errors[: step.reactions.r.size // 3], 3)
+            owners = step.owners[step.owners.size - missed.size :]
+    owners = [int(k) for k in owners[: missed.size][missed >= 0.5 * missed.max(initial=0.0)]]
     of_contacts = sorted({k for k in owners if k >= 0})
     names = sorted({engine.names[-1 - k] for k in owners if k < 0})
     texts = [f"contacts {', '.join(map(str, of_contacts[:NAMED]))}"] if of_contacts else []

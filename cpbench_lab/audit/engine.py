@@ -60,7 +60,7 @@ class Engine(ABC):
 
     @abstractmethod
     def __init__(self, scene: Path, options: Mapping[str, str]) -> None:
-        """Load a scene; raises CpbenchError on one that the engine or this law does not have, and on an option."""
+        """Load a scene; raises NotApplicable where engine or law do not have it, CpbenchError on an option."""
 
     @abstractmethod
     def step(self) -> EngineStep:

@@ -13,7 +13,7 @@ import numpy as np
 from cpbench.cli.options import json_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import FOLDER
-from cpbench.errors import CpbenchError
+from cpbench.errors import CpbenchError, NotApplicable
 from cpbench_lab.audit.auditing import Audit, audit
 from cpbench_lab.audit.results import HEAD, cells, compared, read_audits, scenes, write_folder
 
@@ -33,7 +33,7 @@ def command(
 ) -> None:  # fmt: skip
     """Tell whether the answers of a physics engine satisfy the engine's own law, and which step is the worst.
 
-    ENGINE is mujoco, or one of a plugin (`cpbench --plugin FILE audit ...`). SCENE is a file of the engine, the name
+    ENGINE is mujoco, or one of a plugin (`cpbench new engine` writes one). SCENE is a file of the engine, the name
     of a scene that ships, or `all` for these. Each step is a problem in the law of the engine, and its answer has the
     verdict of every answer; beside it stands the error on Coulomb's law. What the engine says of itself counts for
     nothing. The exit code is 1 where a step breaks the law, and with --compare where B breaks more than A.
@@ -49,11 +49,19 @@ def command(
         sys.exit(int(worse))
     options = dict(map(_option, given))
     every = scenes() if scene == "all" else [scene]
-    audits = [audit(engine, one, steps=steps, options=options, tolerance=tolerance) for one in every]
+    audits: list[Audit] = []
+    refused: list[str] = []
+    for one in every:
+        try:
+            audits.append(audit(engine, one, steps=steps, options=options, tolerance=tolerance))
+        except NotApplicable as cause:  # the engine has no law for the scene, or does not read it
+            if scene != "all" or (one == every[-1] and not audits):
+                raise
+            refused.append(f"  not audited: {cause}")
     if as_json:
         click.echo(json.dumps([one.record() for one in audits], allow_nan=False))
     else:
-        print_lines(_table(audits) if len(audits) > 1 else audits[0].lines())
+        print_lines([*(_table(audits) if len(audits) > 1 else audits[0].lines()), *refused])
     for one in audits if output else []:
         print_lines((f"  {path}" for path in write_folder(one, output)), err=as_json)
     sys.exit(int(any(one.broken.any() for one in audits)))

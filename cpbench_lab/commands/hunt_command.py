@@ -25,7 +25,6 @@ EVERY = 10.0
 @click.option("--against", required=True, metavar="NAME[opt=value]", help="Solver that solves these problems.")
 @click.option("-o", "--output", type=FOLDER, required=True, help="Output folder, a new one.")
 @click.option("--minutes", type=POSITIVE, default=10.0, show_default=True, help="Time of the search.")
-@click.option("--node", default="", metavar="NAME", help="Formulation of the problems; default: that of the solver.")
 @click.option("--timeout", type=DURATION, default="2s", show_default=True, help="Limit of each solve.")
 @seed_option("Seed of the problems.")
 @tolerance_option
@@ -36,7 +35,6 @@ def command(
     against: str,
     output: Path,
     minutes: float,
-    node: str,
     timeout: float,
     seed: int,
     tolerance: float,
@@ -67,7 +65,6 @@ def command(
         seed=seed,
         limits=Limits(timeout, memory, repeats=1),
         tolerance=tolerance,
-        node=node,
         on_event=on_event,
     )
     click.echo(f"{counted(search.tried, 'problem')}, seed {seed}")

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from click.testing import CliRunner, Result
+from command_line import with_plugins
 from tiers import some_by_day
 
 import cpbench
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations.conic import ConeQPPoint
 from cpbench.foundation.matrices import dense
+from cpbench.registry import load_plugin
 from cpbench.verification import judge
 from cpbench.verification.stacked import judge_beside
 from cpbench_lab.audit.auditing import Audit, audit, shipped
@@ -181,8 +183,9 @@ def test_what_cannot_be_audited_is_refused(scene: str, options: dict, error: typ
         audit("mujoko", "pile")
 
 
-def test_an_engine_that_diverges_is_said_to(tmp_path: Path) -> None:
-    """A stiff spring with a long step: the last step has no number, and the audit ends there."""
+def test_an_engine_that_diverges_is_said_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiff spring with a long step: the last step has no number, and the audit ends there. MuJoCo writes a log."""
+    monkeypatch.chdir(tmp_path)
     text = '<mujoco><option timestep="0.1"/><worldbody><body><joint name="x" type="slide" stiffness="1e9"/>'
     text += '<geom size="0.1"/></body></worldbody><keyframe><key qvel="1"/></keyframe></mujoco>'
     (tmp_path / "spring.xml").write_text(text)
@@ -190,3 +193,33 @@ def test_an_engine_that_diverges_is_said_to(tmp_path: Path) -> None:
     assert done.broken.size < 50
     assert done.broken[-1]
     assert "not finite" in done.summary()
+
+
+def test_a_new_engine_is_audited(tmp_path: Path) -> None:
+    """What `cpbench new engine` writes works; with friction that is turned round its steps break the law."""
+    for name, rc in (("mine", 0), ("wrong", 1)):
+        assert f"audit {name} pile --steps 200" in with_plugins(tmp_path, "new", "engine", name).stdout
+        plugin = tmp_path / name / f"{name}.py"
+        if rc:
+            turned = plugin.read_text().replace("r[rows] = [trial[0], *(trial", "r[rows] = [trial[0], *(-trial")
+            plugin.write_text(turned)
+        done = with_plugins(tmp_path, "--plugin", str(plugin), "audit", name, "pile", "--steps", "60")
+        assert done.returncode == rc, done.stderr
+        assert done.stdout.startswith(f"{60 * rc} of 60 steps break the engine's own law")
+        assert rc == 0 or "contacts " in done.stdout.splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("engine", "package", "options"),
+    [
+        ("bullet", "pybullet", {"numSolverIterations": "5000", "solverResidualThreshold": "1e-28"}),
+        ("dart", "dartpy", {}),
+    ],
+)
+def test_the_laws_of_bullet_and_dart_are_theirs(engine: str, package: str, options: dict[str, str]) -> None:
+    """At its best tolerance an engine has no step above rounding, whatever slides, sticks and opens."""
+    pytest.importorskip(package)
+    load_plugin(Path(__file__).parents[2] / "docs" / "guides" / "engines" / f"{engine}.py")
+    done = audit(engine, "pile", steps=200, options=options)
+    assert done.columns["error"].max() < 1e-9
+    assert done.columns["contacts"].max() > 5

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cpbench.errors import CpbenchError, UnknownName
+from cpbench.errors import CpbenchError, NotApplicable, UnknownName
 from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Dense, Vector
@@ -42,16 +42,16 @@ class MuJoCo(Engine):
         try:
             model = self.model = mujoco.MjModel.from_xml_path(str(scene))
         except ValueError as cause:
-            raise CpbenchError(f"{scene}: MuJoCo does not read it: {' '.join(str(cause).split())}") from None
+            raise NotApplicable(str(scene), f"MuJoCo does not read it: {' '.join(str(cause).split())}") from None
         for name, value in options.items():
             _set(mujoco, model.opt, name, value)
         kinds, flags = mujoco.mjtIntegrator, int(model.opt.enableflags)
         integrators = (kinds.mjINT_EULER, kinds.mjINT_IMPLICIT, kinds.mjINT_IMPLICITFAST)
         if model.opt.integrator not in map(int, integrators):
-            raise CpbenchError(f"{scene}: steps of RK4 and discrete are several problems: set integrator=Euler")
+            raise NotApplicable(str(scene), "steps of RK4 and discrete are several problems: set integrator=Euler")
         unlike = [name for name in ("SLEEP", "IPC") if flags & int(getattr(mujoco.mjtEnableBit, f"mjENBL_{name}", 0))]
         if unlike or model.opt.noslip_iterations:
-            raise CpbenchError(f"{scene}: has {', '.join(unlike) or 'noslip_iterations'}, after which R is not the law")
+            raise NotApplicable(str(scene), f"has {', '.join(unlike) or 'noslip_iterations'}: R is not the law then")
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.data = mujoco.MjData(model)
         if model.nkey:

@@ -23,10 +23,9 @@ from cpbench import storage
 from cpbench.api.problems import load
 from cpbench.bench.planning import plan
 from cpbench.bench.results.rows import Outcome
-from cpbench.errors import CpbenchError, NoRoute
+from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.generators.collection import builtin_folder
-from cpbench.graph import candidates
 from cpbench.solvers.base import solvers
 from cpbench.verification import MET_TOLERANCE, Status
 from cpbench_lab.reduction.hunting.mutations import mutated
@@ -81,7 +80,6 @@ def hunt(
     seed: int = 0,
     limits: plan.Limits | None = None,
     tolerance: float = 1e-6,
-    node: str = "",
     on_event: EventHandler = lambda search: None,
 ) -> HuntState:
     """Search for problems on which `solver` lies, crashes or is slow and which `other` solves.
@@ -89,19 +87,21 @@ def hunt(
     Parameters
     ----------
     folder : new or empty; gets the problems found, and `tried.jsonl` with a line a problem.
-    seconds : of it all. seed : of the random numbers. node : formulation of the problems, "" for that of the solver.
+    seconds : of it all. seed : of the random numbers.
 
-    Raises NoRoute where no formulation reaches both solvers, CpbenchError where the folder has something in it.
+    Raises CpbenchError where the folder has something in it.
     """
     if folder.exists() and any(folder.iterdir()):
         raise CpbenchError(f"{folder}: is not empty; name a new folder")
     limits = limits or plan.Limits(seconds=2.0, repeats=1)
     asked = Asked(solver, Predicate("disagrees", other=other), tolerance, limits)
-    node = node or _node(solver, other)
     folder.mkdir(parents=True, exist_ok=True)
     search = HuntState(seed)
     with Trials(asked, time.monotonic() + seconds) as trials, (folder / "tried.jsonl").open("w") as log:
-        seeds = _seeds(node)
+        nodes = [solvers.get(plan.parse_entry(name).solver).spec.node for name in (solver, other)]
+        seeds = _seeds(nodes[0]) or _seeds(nodes[1])
+        if not seeds:
+            raise CpbenchError(f"no built-in problem is of {' or '.join(nodes)}, the formulations of these solvers")
         while search.tried == 0 or not trials.over:
             made = _next(search, seeds)
             if made is not None:
@@ -112,15 +112,6 @@ def hunt(
             search.tried += 1
             on_event(search)
     return search
-
-
-def _node(solver: str, other: str) -> str:
-    """Return the formulation of one of the solvers from which an exact route leads to the other one."""
-    mine, theirs = (solvers.get(plan.parse_entry(name).solver).spec.node for name in (solver, other))
-    for node in (mine, theirs):
-        if all(there == node or next(iter(candidates(node, there)), None) for there in (mine, theirs)):
-            return node
-    raise NoRoute(f"no formulation reaches both {solver} ({mine}) and {other} ({theirs}); name one by --node")
 
 
 def _seeds(node: str) -> list[Problem]:
@@ -135,11 +126,9 @@ def _next(search: HuntState, seeds: Sequence[Problem]) -> tuple[str, list[str], 
     none."""
     rng = np.random.default_rng([search.seed, search.tried])
     try:
-        if seeds and (not search.best or rng.random() < FRESH):
+        if not search.best or rng.random() < FRESH:
             problem = seeds[int(rng.integers(len(seeds)))]
             return problem.name, [], problem
-        if not search.best:
-            return None
         few = [sorted(search.best)[int(k)] for k in rng.integers(len(search.best), size=int(rng.integers(1, 4)))]
         chosen = max(few, key=lambda place: search.best[place][0])
         _, problem, solution = search.best[chosen]
