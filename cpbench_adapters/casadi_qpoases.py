@@ -35,6 +35,7 @@ class CasadiQPOASES(QPBackend):
         },
     )
     sparse = False
+    prints = True
     claims = {
         "Successful return.": Claim.SOLVED,
         "Initial QP could not be solved due to infeasibility!": Claim.INFEASIBLE,

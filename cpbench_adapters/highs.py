@@ -38,6 +38,7 @@ class Highs(QPBackend):
         },
     )
     method: ClassVar[str] = "choose"
+    prints = True
     claims = {
         "Optimal": Claim.SOLVED,
         "Infeasible": Claim.INFEASIBLE,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import importlib
+import os
 import sys
 import warnings
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -54,7 +56,7 @@ class QPBackend(Solver):
     bounds_as_rows : the backend knows no bounds (or qpsolvers stacks them, infinite ones included).
     definite : it needs Q positive definite.
     needs_inequality : without one the backend is not called, or does not iterate (each says why).
-    claims : its own words -> our claims; every other word is FAILED.
+    claims : its own words -> our claims; every other word is FAILED. prints : a banner, always.
     """
 
     sparse: ClassVar[bool | None] = True
@@ -62,6 +64,7 @@ class QPBackend(Solver):
     definite: ClassVar[bool] = False
     needs_inequality: ClassVar[bool] = False
     claims: ClassVar[Mapping[str, Claim]] = {}
+    prints: ClassVar[bool] = False
 
     @abstractmethod
     def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
@@ -108,7 +111,10 @@ class QPBackend(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        return self.output(prepared, self.call(prepared, self.settings(budget)))
+        settings = self.settings(budget)
+        with _stdout_to_stderr() if self.prints else contextlib.nullcontext():
+            answer = self.call(prepared, settings)
+        return self.output(prepared, answer)
 
     def settings(self, budget: Budget) -> Settings:
         """Return what the backend is asked for, as `call` takes it; raises CpbenchError where that is said nowhere."""
@@ -136,6 +142,21 @@ class QPBackend(Solver):
 
     def version(self) -> str:
         return package_version(self.spec.requires[-1])
+
+
+@contextlib.contextmanager
+def _stdout_to_stderr() -> Iterator[None]:
+    """Send what C code prints on stdout to stderr: a banner there would end up in the output of a command."""
+    flush = ctypes.CDLL(None).fflush  # of all streams of C, which keep what is not written to a terminal
+    flush(None)
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+        flush(None)
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 class QPSolversBackend(QPBackend):
