@@ -24,6 +24,7 @@ from cpbench.foundation.imports import import_ahead
 from cpbench.foundation.text import counted
 from cpbench.generators.collection import builtin_folder
 from cpbench.generators.quick import quick_problems
+from cpbench.storage.base import require_new
 
 HELP = {
     "suite": "Built-in problems, where none are named. quick (default): few and small, 5 s each at most; standard: "
@@ -123,6 +124,8 @@ def command(
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(run_plan.suite_values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
+    if not dry_run:
+        require_new(plan.results, force=True)
     display = Display(quiet)
     display.steps.say("looking for problems")
     # which a run of few pairs does not draw
