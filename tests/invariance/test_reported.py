@@ -88,11 +88,12 @@ def test_self_stress_of_a_joint_hides_no_wrong_motion(stress: float) -> None:
     _never(problem, dataclasses.replace(answer, v=v * 1.02))
 
 
+@pytest.mark.parametrize("unit", [1.0, 2.0**-40])
 @pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10, 1e12, 1e14])
-def test_the_exact_solution_rounded_to_doubles_is_solved(stiffness: float) -> None:
+def test_the_exact_solution_rounded_to_doubles_is_solved(stiffness: float, unit: float) -> None:
     """M = [[k, −k], [−k, k + 1]]: no double near the solution has residuals within 1e-6 at k = 1e12, nor within 1e-8 at
     k = 1e8. With k = 1e6 the residuals are 1e-10, and the answer is solved."""
-    M, q = np.array([[stiffness, -stiffness], [-stiffness, stiffness + 1.0]]), np.array([-1.0, -0.3])
+    M, q = unit * np.array([[stiffness, -stiffness], [-stiffness, stiffness + 1.0]]), unit * np.array([-1.0, -0.3])
     a, b, c, d = (Fraction(float(m)) for m in M.ravel())
     e, f = (-Fraction(float(x)) for x in q)
     z = np.array([float((d * e - b * f) / (a * d - b * c)), float((a * f - c * e) / (a * d - b * c))])
