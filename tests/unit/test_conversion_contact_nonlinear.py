@@ -52,6 +52,12 @@ def test_a_steep_cone_is_environment_what_it_hides(name: str, mu: float, held: b
     assert (here <= there * 1e-6 / edge.tolerance(1e-6, trace)) == held
 
 
+def test_trescas_threshold_is_that_of_each_contact_alone():
+    """μ max(−q_N, 0)/W_NN."""
+    problem = FrictionContact(W=np.diag([2.0, 1.0, 1.0, 4.0, 1.0, 1.0]), q=[-3.0, 0, 0, 1, 0, 0], mu=[0.5, 0.5])
+    assert make("fc-coneqp-tresca").step(problem).cone_mu.tolist() == [0.75, 0.0]
+
+
 def test_the_cylinder_moves_with_the_normal_reaction():
     """One contact in the plane that slides: X(r) = ℝ₊ × [−μ r_N, μ r_N] at the planted answer."""
     problem = FrictionContact(W=np.eye(2), q=[-2.0, 3.0], mu=[0.5], dimension=2)

@@ -308,6 +308,14 @@ def test_a_linearization_has_the_blocks_of_the_jacobian():
     assert make("micp-mlcp").exactness(problem) == Kind.APPROXIMATE
 
 
+def test_a_linearization_of_an_affine_map_is_exact_over_any_box():
+    """z = (1, ½): at its bound under a force of 1, and within; M is not symmetric, and no bound is 0."""
+    M, q = np.array([[2.0, 1.0], [-1.0, 3.0]]), np.array([-1.5, -0.5])
+    problem = MiCP(F=formula(2, lambda x: M @ x + q), lb=[1.0, -2.0], ub=[4.0, INF], start=[3.0, 0.0])
+    target = chain(problem, "micp-mlcp")
+    np.testing.assert_allclose(graph.lift(target, planted.enumerate_mlcp(target)).z, [1.0, 0.5], atol=1e-12)
+
+
 def test_a_step_refuses_where_there_is_no_derivative():
     problem = MiCP(F=formula(1, np.log), lb=[0.0], ub=[INF])
     with pytest.raises(NotApplicable, match="not finite at z_k"):
