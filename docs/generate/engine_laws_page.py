@@ -32,7 +32,7 @@ class Law:
 LAWS = (
     Law(
         "box",
-        "ODE quickstep, Bullet (sequential impulses), DART (PGS), PhysX's anchors under its PGS solver",
+        "ODE quickstep, Bullet without its implicit friction cone, DART (PGS), PhysX's anchors under its PGS solver",
         "|t₁| ≤ μn, |t₂| ≤ μn, in two fixed directions, each row for itself; n is the normal force of the answer",
         "fc-mlcp-outer[facets=4,angle=0]",
     ),
@@ -75,6 +75,9 @@ LAWS = (
     Law("octagon", "Coulomb's law by 8 facets, for comparison", "a circumscribed octagon", "fc-lcp-outer[facets=8]"),
 )
 INTRODUCTION = """# Which engine's law is which route
+
+Whether an engine's answers satisfy its own law, step by step, is what [`cpbench audit`](../guides/engines.md) tells.
+Bullet's default is none of the rows below: a disk of friction, but friction against D⁻¹u, D the mobilities of the rows.
 
 Physics engines do not solve Coulomb's law but one near it. cpbench has a conversion for each of these laws, so that
 you can ask what an engine would answer if it solved its own law exactly, and measure that answer on Coulomb's law.
