@@ -9,7 +9,7 @@ import os
 import sys
 import warnings
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -145,7 +145,7 @@ class QPBackend(Solver):
 
 
 @contextlib.contextmanager
-def _stdout_to_stderr() -> Iterator[None]:
+def _stdout_to_stderr() -> Generator[None]:
     """Send what C code prints on stdout to stderr: a banner there would end up in the output of a command."""
     flush = ctypes.CDLL(None).fflush  # of all streams of C, which keep what is not written to a terminal
     flush(None)

@@ -15,11 +15,11 @@ from cpbench.cli.options import force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.errors import CpbenchError, FormatError
-from cpbench.storage.base import require_new
+from cpbench.storage.base import NOTE, require_new
 from cpbench_problems.formats import array_forms, array_problems
 from cpbench_problems.formats.array_files import array_values
 from cpbench_problems.formats.array_forms import ArrayForm
-from cpbench_problems.formats.engine_arrays import GROUPED, NOTE
+from cpbench_problems.formats.engine_arrays import GROUPED
 from cpbench_problems.formats.named_arrays import shapes_of, symmetrized
 
 ORDERS = ("NTT", "TTN", "NT", "TN", GROUPED)

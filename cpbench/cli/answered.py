@@ -28,7 +28,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.foundation.text import counted, on_one_line, printable
 from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.answers import save_vector
-from cpbench.storage.base import unknowns
+from cpbench.storage.base import NOTE, unknowns
 from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, Status, error_text
 
 MOST = 20
@@ -98,8 +98,6 @@ def answer_lines(
         yield f"  and {counted(velocities.size - 6 * most, 'more velocity', 'more velocities')}: --verbose shows them"
     if solved:
         yield from freedom_lines(problem, point, tolerance)
-    if note := problem.info.properties.get("note"):
-        yield f"  {printable(str(note))}"
 
 
 def own_parts(problem: Problem, point: Point) -> Mapping[str, Vector]:
@@ -231,6 +229,8 @@ class Answered:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:
             yield from answer_lines(self.problem, self.point, self.tolerance, every=verbose, solved=bool(self))
+        if self.problem is not None and (note := self.problem.info.properties.get(NOTE)):
+            yield f"  {printable(str(note))}"
         if verbose:
             yield from self._details()
 

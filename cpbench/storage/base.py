@@ -22,7 +22,7 @@ from cpbench.registry import Registry
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
-OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
+OFFSET, SENSE, UNKNOWNS, NOTE = "objective_offset", "objective_sense", "unknowns", "note"
 """Names of the properties: the constant of ½zᵀQz + pᵀz, `max` where that with its constant is the opposite of the
 objective of the file, and the names of the unknowns in the order of the parts of a point, first parts alone where the
 others are multipliers."""

@@ -24,12 +24,11 @@ from cpbench.formulations.local_contact import LocalContact
 from cpbench.foundation import matrices
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector
+from cpbench.storage.base import NOTE
 from cpbench_problems.formats.array_forms import ArrayForm
 from cpbench_problems.formats.named_arrays import NamedArrays
 
 GROUPED = "N..NT..T"
-NOTE = "note"
-"""Property of a problem that says how its rows were taken."""
 Parts = dict[str, Any]
 CHECKED, APART = 1500, 3.0
 """The most rows of which the order is doubted; the factor by which blocks of another order are better conditioned."""

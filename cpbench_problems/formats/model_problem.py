@@ -26,9 +26,10 @@ from cpbench.formulations.programs import NLP, QP
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Sparse, Vector
-from cpbench.storage.base import OFFSET, SENSE, UNKNOWNS, build
+from cpbench.storage.base import NOTE, OFFSET, SENSE, UNKNOWNS, build
 from cpbench_problems.formats.mof_functions import Affine, Nonlinear, Quadratic
 from cpbench_problems.formats.mof_model import Model, ModelRow, negative, slack
+from cpbench_problems.formats.squares import unmatched
 
 _PROGRAMS = (QP.node, NLP.node, ConeQP.node)
 
@@ -49,7 +50,9 @@ def problem_of(
         first = _free(model) if problem.node == "mlcp" else np.ones(len(names), bool)
         order = [*np.flatnonzero(first).tolist(), *np.flatnonzero(~first).tolist()]
         properties[UNKNOWNS] = [names[k] for k in order]
-    return replace(problem, info=replace(problem.info, properties=properties))
+    problem = replace(problem, info=replace(problem.info, properties=properties))
+    note = unmatched(problem)
+    return replace(problem, info=replace(problem.info, properties={**properties, NOTE: note})) if note else problem
 
 
 def _free(model: Model) -> Any:

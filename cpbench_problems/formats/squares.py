@@ -1,4 +1,5 @@
-"""Models whose pairs leave rows and variables over: complementarity problems where the rest is square, else MPCCs."""
+"""Models whose pairs leave rows and variables over: complementarity problems where the rest is square, else MPCCs; and
+equations of complementarity problems that no variables can be matched to."""
 
 from __future__ import annotations
 
@@ -6,8 +7,17 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from cpbench.formulations.base import Problem
+from cpbench.formulations.expressions.derivatives import derivative
+from cpbench.formulations.linear import AVI, MLCP
+from cpbench.formulations.nonlinear import MiCP
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Sparse
 from cpbench.foundation.text import counted, some_of
+from cpbench.storage.base import unknowns
 from cpbench_problems.formats.mof_functions import Affine
 from cpbench_problems.formats.mof_model import Model, slack
 
@@ -55,3 +65,56 @@ def _refusal(model: Model, alone: Sequence[int], bounded: int) -> str:
         f"beside {counted(len(model.pairs), 'pair')} there are {rest} for "
         f"{counted(len(alone), 'variable')}{named}{those}; {todo}"
     )
+
+
+def unmatched(problem: Problem) -> str:
+    """Return which equations of a complementarity problem have fewer variables than they are, or which free variables
+    are in fewer functions, "" where there are none: by a largest matching of the places of entries, before any solve.
+
+    Equations are the functions beside free variables; beside others a function may be 0 or not.
+    """
+    if isinstance(problem, MLCP):
+        n, entries = problem.a.size, matrices.sparse(matrices.block([[problem.A, problem.C], [problem.D, problem.B]]))
+        free = np.arange(entries.shape[0]) < n
+    elif isinstance(problem, AVI | MiCP):
+        free = np.isinf(problem.lb) & np.isinf(problem.ub)
+        if not free.any():
+            return ""
+        entries = matrices.sparse(problem.M) if isinstance(problem, AVI) else _places(problem)
+    else:
+        return ""
+    names = list(unknowns(problem.info)) or [f"z[{k}]" for k in range(free.size)]
+    at = np.flatnonzero(free)
+    for lines, what, where, few in (
+        (entries[at], "equation", "beside ", "variable"),
+        (sp.csr_array(entries.T)[at], "free variable", "", "function"),
+    ):
+        rows, columns = _too_few(sp.csr_array(lines))
+        if rows:
+            shown = f"{where}{some_of([names[at[k]] for k in rows], _SHOWN)}"
+            within = f" ({some_of([names[k] for k in columns], _SHOWN)})" if columns else ""
+            text = f"{counted(len(rows), what)} ({shown}) with {counted(len(columns), few)} between them{within}"
+            return f"structurally singular: {text}"
+    return ""
+
+
+def _places(problem: MiCP) -> Sparse:
+    """Return a matrix with ones where the Jacobian of F may have entries."""
+    _, indices, indptr = derivative(problem.F)
+    return sp.csr_array((np.ones(len(indices)), np.array(indices), np.array(indptr)), shape=(problem.F.rows,) * 2)
+
+
+def _too_few(lines: Sparse) -> tuple[list[int], list[int]]:
+    """Return rows that have fewer columns between them than they are, and these columns: what alternating paths reach
+    from a row that a largest matching leaves out; nothing where all are matched."""
+    lines.eliminate_zeros()
+    match = maximum_bipartite_matching(sp.csr_matrix(lines), perm_type="column")
+    beside = {column: row for row, column in enumerate(match.tolist()) if column >= 0}
+    rows = np.flatnonzero(match < 0).tolist()[:1]
+    columns = dict[int, None]()
+    for row in rows:  # which grows
+        for column in lines.indices[lines.indptr[row] : lines.indptr[row + 1]].tolist():
+            if column not in columns:
+                columns[column] = None
+                rows.append(beside[column])
+    return sorted(rows), sorted(columns)

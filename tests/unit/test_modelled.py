@@ -293,3 +293,25 @@ def test_programs_that_no_formulation_has_are_refused_by_name() -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(ProblemError, match="is a Variable, expected"):
         cpbench.from_cvxpy(x)
+
+
+@pytest.mark.parametrize(
+    ("rows", "note"),
+    [
+        (("p + 2*q - 1", "sqr(p) - q", "p*q - 0.5", "x + s - p"),
+         "structurally singular: 3 equations (beside p, q, s) with 2 variables between them (p, q)"),
+        (("p + x", "q + exp(x)", "x - 1", "x + p + q"),
+         "structurally singular: 1 free variable (s) with 0 functions between them"),
+        (("p + 2*q - 1 + s", "sqr(p) - q", "p*q - 0.5 + x", "x + s - p"), ""),
+        (("p + s - 1", "q + x", "s - p", "2*x + p"), ""),
+    ],
+)  # fmt: skip
+def test_equations_that_no_variables_match_are_named(rows: tuple[str, ...], note: str, tmp_path: Path) -> None:
+    """Drawn by hand: which equations have too few variables between them is seen at once."""
+    lines = [f"e{k}.. {row} ={'g' if k == 4 else 'e'}= 0;" for k, row in enumerate(rows, 1)]
+    head = "Variables p, q, s; Positive Variables x; Equations e1, e2, e3, e4;\n"
+    text = head + "\n".join(lines) + "\nModel m / e1.p, e2.q, e3.s, e4.x /; Solve m using mcp;\n"
+    (tmp_path / "m.gms").write_text(text)
+    problem = cpbench.load(tmp_path / "m.gms")
+    assert problem.info.properties.get("note", "").startswith(note)
+    assert bool(problem.info.properties.get("note")) == bool(note)
