@@ -8,11 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from cpbench.errors import CpbenchError, FormatError
+from cpbench.formulations.conic import ConeQP, ConeQPPoint
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing
 from cpbench.storage import save_pack
+from cpbench.verification import judge
 from cpbench_lab.audit.auditing import SCENES, Audit, median
 
 HEAD = ["scene", "steps", "broken", "claimed", "worst", "at", "Coulomb", "creep [µm/s]", "angle [deg]"]
@@ -83,8 +87,8 @@ def _name(one: Audit) -> str:
 
 
 def write_folder(one: Audit, folder: Path) -> Iterator[Path]:
-    """Write the figure over time (SCENE.svg) and the worst step with the answer of the engine (SCENE-worst.h5), in
-    place of what is there; yield their paths."""
+    """Write the figure over time (SCENE.svg) and the worst island of the worst step with the answer of the engine
+    (SCENE-worst.h5), in place of what is there; yield their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     scene = one.head["scene"]
     with canvas.drawing():
@@ -92,8 +96,28 @@ def write_folder(one: Audit, folder: Path) -> Iterator[Path]:
     yield folder / f"{scene}.svg"
     if one.worst is not None and one.worst.answer.finite:
         pack, name = folder / f"{scene}-worst.h5", f"step-{int(one.columns['error'].argmax()):03d}"
-        save_pack({name: one.worst.problem}, pack, solutions={name: one.worst.answer}, force=True)
+        problem, answer = island(one.worst.problem, one.worst.answer)
+        save_pack({name: problem}, pack, solutions={name: answer}, force=True)
         yield pack
+
+
+def island(P: Any, point: Any) -> tuple[Any, Any]:
+    """Return the bodies and contacts of a coneqp with the largest error that touch one another, and the answer there;
+    other problems whole."""
+    if not isinstance(P, ConeQP):
+        return P, point
+    n, block, A = P.p.size, P.K.blocks, sp.coo_array(P.A)
+    ends = np.concatenate([[A.col, n + block[A.row]], sp.coo_array(P.Q).coords], axis=1)
+    size = n + int(block.max(initial=-1)) + 1
+    label = connected_components(sp.coo_array((np.ones(ends.shape[1]), ends), shape=(size, size)), directed=False)[1]
+    parts: list[tuple[Any, Any]] = []
+    for k in np.unique(label):
+        x, y = label[:n] == k, label[n:][block] == k
+        factors = y[(np.cumsum(P.cone_size) - P.cone_size).astype(int)]
+        cones = {name: getattr(P, name)[factors] for name in ("cone_kind", "cone_size", "cone_mu", "cone_mu_r")}
+        Q, rows = sp.csr_array(P.Q)[x][:, x], sp.csr_array(P.A)[y][:, x]
+        parts.append((ConeQP(Q=Q, p=P.p[x], A=rows, b=P.b[y], **cones), ConeQPPoint(x=point.x[x], y=point.y[y])))
+    return max(parts, key=lambda part: judge(*part, 1.0).error)
 
 
 def figure(one: Audit) -> Drawing:

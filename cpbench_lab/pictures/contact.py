@@ -1,7 +1,7 @@
 """The contacts of an answer: where they are, the forces in them, and which stick, slip or are open.
 
-Files with positions show them with an arrow a force, seen along a coordinate axis. Files without show the disk (a
-strip for plane problems) of r_T/(μ r_N): slip is on its rim, stick inside.
+Files with positions show them with an arrow a force, seen along a coordinate axis. Files without show the disk of
+r_T/(μ r_N), of which plane problems have a diameter: slip is on its rim, stick inside.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from cpbench.report.text import counted
 from cpbench.verification import judge
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 LOOKS: dict[State, dict[str, Any]] = {
@@ -61,10 +60,8 @@ def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1
         guide = _map(figure, problem.contacts, states, view)
     elif view:
         raise NotApplicable("contact", f"view {view}: the file has no positions and frames of contacts")
-    elif states.share.shape[1] == 2:
-        guide = _disk(figure, states)
     else:
-        guide = _strip(figure, states)
+        guide = _disk(figure, states)
     _counts(figure, states)
     named = canvas.literal(problem.name or problem.node)
     return Drawing(figure, f"{named}: {counted(problem.nc, 'contact')}", f"{guide} {how}")
@@ -123,10 +120,11 @@ def _disk(figure: Figure, states: ContactStates) -> str:
     many = 1.0 if len(states.r) <= 100 else 0.45
     for state in (State.STICK, State.SLIP):
         own = states.state == str(state)
-        share = _clip_to_radius(states.share[own])
+        share, against = (_in_plane(part[own]) for part in (states.share, states.against))
+        share = _clip_to_radius(share)
         if state is State.SLIP:
             axes.quiver(
-                *share.T, *(0.14 * states.against[own]).T, color=canvas.RED, angles="xy", scale_units="xy", scale=1.0,
+                *share.T, *(0.14 * against).T, color=canvas.RED, angles="xy", scale_units="xy", scale=1.0,
                 width=0.004, headwidth=3.5, alpha=many, zorder=3,
             )  # fmt: skip
         look = {**LOOKS[state], "s": LOOKS[state]["s"] * (1.0 if many == 1.0 else 0.5)}
@@ -146,6 +144,11 @@ def _disk(figure: Figure, states: ContactStates) -> str:
     )
 
 
+def _in_plane(vectors: Dense) -> Dense:
+    """Return vectors with two components, the second one 0 in plane problems."""
+    return vectors if vectors.shape[1] == 2 else np.column_stack([vectors, np.zeros(len(vectors))])
+
+
 def _clip_to_radius(share: Dense) -> Dense:
     """Clip vectors longer than FARTHEST to that length."""
     size = np.linalg.norm(share, axis=1, keepdims=True)
@@ -157,22 +160,3 @@ def _outside(states: ContactStates) -> str:
     size = np.linalg.norm(states.share, axis=1)
     beyond = int((size > 1.01).sum())
     return f" Outside are {counted(beyond, 'reaction')}, up to {canvas.number(float(size.max()))}." if beyond else ""
-
-
-def _strip(figure: Figure, states: ContactStates) -> str:
-    """Draw plane problems on a line, r_N upwards."""
-    axes: Axes = figure.add_axes((0.16, 0.115, 0.81, 0.80))
-    axes.axvspan(-1.0, 1.0, color="#F0F0F0", zorder=0)
-    for state in (State.STICK, State.SLIP):
-        own = states.state == str(state)
-        axes.scatter(_clip_to_radius(states.share[own])[:, 0], states.r[own, 0], zorder=4, **LOOKS[state])
-    far = max(1.15, 1.08 * min(FARTHEST, float(np.abs(states.share).max(initial=0.0))))
-    axes.set_xlim(-far, far)
-    axes.set_ylim(bottom=0.0)
-    axes.set_xticks([-1, 0, 1])
-    axes.set_xlabel(r"$r_\mathrm{T}\,/\,\mu r_\mathrm{N}$", labelpad=1)
-    axes.set_ylabel(r"$r_\mathrm{N}$ [N s]")
-    return (
-        r"Each contact that pushes, at $r_\mathrm{T}/\mu r_\mathrm{N}$ and $r_\mathrm{N}$: inside the grey strip it "
-        f"sticks, on its edges it slips. Open contacts are left out; the file has no positions.{_outside(states)}"
-    )
