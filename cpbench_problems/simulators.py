@@ -109,8 +109,10 @@ def from_mujoco(model: Any, data: Any, *, contacts_alone: bool = False, name: st
         frame=np.concatenate([contacts.frame[active].reshape(-1, 3, 3), np.tile(np.eye(3), (len(others), 1, 1))]),
     )
     rows += [row for _, row in others]
-    spins = [k for k, index in enumerate(active) if contacts.dim[index] > 3 and contacts.friction[index][2] > 0.0]
-    properties = {"joints": "; ".join(f"contact {c}: {row.about}" for c, row in enumerate(rows) if row.about)}
+    spins = [ids[k] for k, index in enumerate(active) if contacts.dim[index] > 3 and contacts.friction[index][2] > 0.0]
+    properties = {
+        "joints": "; ".join(f"contact {c}: {row.about}" for c, row in zip(ids, rows, strict=True) if row.about)
+    }
     properties["left_out"] = f"torsional friction of {counted(len(spins), 'contact')}: {spins}" if spins else ""
 
     def moved(J: Dense) -> Dense:

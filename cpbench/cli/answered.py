@@ -229,8 +229,8 @@ class Answered:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:
             yield from answer_lines(self.problem, self.point, self.tolerance, every=verbose, solved=bool(self))
-        if self.problem is not None and (note := self.problem.info.properties.get(NOTE)):
-            yield f"  {printable(str(note))}"
+        said = {} if self.problem is None else self.problem.info.properties
+        yield from (f"  {printable(str(said[key]))}" for key in (NOTE, "joints", "left_out") if key in said)
         if verbose:
             yield from self._details()
 

@@ -49,7 +49,7 @@ def in_order(arrays: NamedArrays, form: ArrayForm, cls: type[ContactProblem]) ->
     d = rows // max(values["mu"].shape[0], 1)
     if order is not None:
         return permuted(made, form, symbol, _permutation(arrays, str(order), rows, d)), {NOTE: f"rows {order}"}
-    if issubclass(cls, LocalContact) and d == 3 and rows == d * len(values["mu"]) and "q" in made:
+    if issubclass(cls, LocalContact) and d == 3 and d * len(values["mu"]) == rows <= CHECKED and "q" in made:
         _require_normals_first(made, form, symbol, d)
         notes[NOTE] = "rows were read as N, T, T of each contact: an array order says another order"
     H = values.get("H")
@@ -192,27 +192,24 @@ def _require_normals_first(arrays: NamedArrays, form: ArrayForm, symbol: str, d:
     def facts(order: str) -> tuple[int, float, int]:
         there = permuted(arrays, form, symbol, _permutation(arrays, order, rows, d))
         W, q = matrices.dense(there.matrix("W")), there.vector("q")
-        nc = q.size // d
-        size = np.abs(W).reshape(nc, d, nc, d).max(axis=(1, 3))
+        size = np.abs(W).reshape(q.size // d, d, -1, d).max(axis=(1, 3))
         values = np.linalg.eigvalsh(np.asarray(diagonal_blocks(W, d)))
         condition = float(np.max(values[:, -1] / np.maximum(values[:, 0], 1e-16 * np.abs(values[:, -1]))))
         return int((size > 1e-12 * size.max()).sum()), condition, int((q[::d] <= 1e-9 * np.abs(q).max()).sum())
 
     rows = arrays.vector("q").size
-    if not d <= rows <= CHECKED or arrays.values["W"].shape != (rows, rows) or not arrays.vector("q").any():
-        return
     pairs, condition, closing = facts("NTT")
     for order in (GROUPED, "TTN"):
         other = facts(order)
-        why = ""
         if other[0] < pairs:
             why = f"couples {other[0]} pairs of contacts, NTT {pairs}"
         elif APART * other[1] < condition:
             why = f"has contacts of condition {other[1]:.2g}, NTT {condition:.2g}"
         elif rows >= 4 * d and other[2] == rows // d >= 2 * closing:
             why = f"closes all {other[2]} contacts by q, NTT {closing}"
-        if why:
-            raise arrays.error("W", f"may have other rows: the order {order} {why}: {_say(f'NTT or {order}')}")
+        else:
+            continue
+        raise arrays.error("W", f"may have other rows: the order {order} {why}: {_say(f'NTT or {order}')}")
 
 
 def _say(choices: str) -> str:

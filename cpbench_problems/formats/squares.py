@@ -80,7 +80,12 @@ def unmatched(problem: Problem) -> str:
         free = np.isinf(problem.lb) & np.isinf(problem.ub)
         if not free.any():
             return ""
-        entries = matrices.sparse(problem.M) if isinstance(problem, AVI) else _places(problem)
+        if isinstance(problem, AVI):
+            entries = matrices.sparse(problem.M)
+        else:
+            _, indices, indptr = derivative(problem.F)
+            size = (len(indptr) - 1,) * 2
+            entries = sp.csr_array((np.ones(len(indices)), np.array(indices), np.array(indptr)), shape=size)
     else:
         return ""
     names = list(unknowns(problem.info)) or [f"z[{k}]" for k in range(free.size)]
@@ -96,12 +101,6 @@ def unmatched(problem: Problem) -> str:
             text = f"{counted(len(rows), what)} ({shown}) with {counted(len(columns), few)} between them{within}"
             return f"structurally singular: {text}"
     return ""
-
-
-def _places(problem: MiCP) -> Sparse:
-    """Return a matrix with ones where the Jacobian of F may have entries."""
-    _, indices, indptr = derivative(problem.F)
-    return sp.csr_array((np.ones(len(indices)), np.array(indices), np.array(indptr)), shape=(problem.F.rows,) * 2)
 
 
 def _too_few(lines: Sparse) -> tuple[list[int], list[int]]:

@@ -80,7 +80,7 @@ def test_laws_are_those_of_the_state_or_left_out_by_name() -> None:
     spun = cpbench.from_mujoco(*mujoco_state(condim=4))
     assert (spun.node, spun.info.properties["left_out"]) == (
         "fc",
-        "torsional friction of 4 contacts: [0, 1, 2, 3]",
+        "torsional friction of 4 contacts: [4096, 4097, 4098, 4099]",
     )
     rolling = cpbench.from_mujoco(*mujoco_state(condim=6, friction="0.6 0.005 0.001"))
     assert (rolling.node, rolling.mu_r.tolist()) == ("rfc", [0.001] * 4)
@@ -105,7 +105,7 @@ def test_friction_of_a_joint_holds_an_arm_or_brakes_it(loss: float, condim: int)
     """The weight's moment is m g L/2 = 0.2943 N m."""
     model, data = mujoco_state(body=ARM.format(f'frictionloss="{loss}"'), condim=condim)
     problem = cpbench.from_mujoco(model, data)
-    assert problem.info.properties["joints"] == "contact 4: friction of joint elbow"
+    assert problem.info.properties["joints"] == f"contact {problem.contacts.id[4]}: friction of joint elbow"
     r = cpbench.solve(problem, tolerance=1e-10).point.r.reshape(5, -1)[4]
     assert r[0] == pytest.approx(loss * DT)
     assert abs(r[1]) == pytest.approx(min(0.3 * GRAVITY * 0.1, loss) * DT, rel=1e-6)
@@ -115,7 +115,7 @@ def test_friction_of_a_joint_holds_an_arm_or_brakes_it(loss: float, condim: int)
 @pytest.mark.needs("cpbench_solvers")
 def test_a_limit_carries_what_falls_on_it() -> None:
     problem = cpbench.from_mujoco(*mujoco_state(body=ARM.format('limited="true" range="-60 0" margin="0.01"')))
-    assert problem.info.properties["joints"] == "contact 4: limit of joint elbow"
+    assert problem.info.properties["joints"] == f"contact {problem.contacts.id[4]}: limit of joint elbow"
     assert problem.mu.tolist() == [MU] * 4 + [0.0]
     assert cpbench.solve(problem, tolerance=1e-10).point.r[12:] == pytest.approx(
         [0.3 * GRAVITY * 0.1 * DT, 0, 0], rel=1e-5
