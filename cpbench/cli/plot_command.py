@@ -1,4 +1,4 @@
-"""Draw a figure of a run (profile, precision, convergence) or of a problem (contacts)."""
+"""Draw a figure of a run (profile, convergence) or of a problem (contacts)."""
 
 from __future__ import annotations
 

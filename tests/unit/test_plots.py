@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
 from tiers import some_by_day
 
-from cpbench.analysis import histories, profiles
+from cpbench.analysis import profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
@@ -98,14 +98,6 @@ def recorded() -> tuple[pd.DataFrame, pd.DataFrame]:
     return rows, pd.concat(parts, ignore_index=True)
 
 
-def test_precision_draws_the_median_times_of_the_analysis() -> None:
-    rows, iterates = recorded()
-    drawn = draw("precision", run_of(rows, iterates))
-    found = histories.work_precision(rows_of.normalised(rows), iterates)
-    own = found[found["label"] == "fast"]
-    assert np.array_equal(of_colour(drawn, 0), (own["seconds"], own["error"]))
-
-
 def test_convergence_is_of_one_problem_and_draws_its_iterates() -> None:
     rows, iterates = recorded()
     run = run_of(rows, iterates)
@@ -121,10 +113,9 @@ def test_convergence_is_of_one_problem_and_draws_its_iterates() -> None:
         draw("convergence", run, name="q-*")
 
 
-@pytest.mark.parametrize("kind", ["precision", "convergence"])
-def test_without_iterates_the_option_that_records_them_is_named(kind: str) -> None:
+def test_without_iterates_the_option_that_records_them_is_named() -> None:
     with pytest.raises(CpbenchError, match="run with --history"):
-        draw(kind, run_of(SUITE))
+        draw("convergence", run_of(SUITE))
 
 
 def test_several_formulations_are_not_thrown_together() -> None:

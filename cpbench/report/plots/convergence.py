@@ -16,9 +16,8 @@ from cpbench.errors import CpbenchError
 from cpbench.report import canvas, figures
 from cpbench.report.chosen import Choice, choose, matching
 from cpbench.report.figure_kinds import Drawing, figure_kind
-from cpbench.report.plots.precision import dress, require_histories
 from cpbench.report.run import Run
-from cpbench.report.text import counted, cut, one_line
+from cpbench.report.text import counted, cut, one_line, seconds
 
 FLOOR = 1e-17
 """Errors of 0 are drawn here."""
@@ -32,7 +31,8 @@ FLOOR = 1e-17
 def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) -> Drawing:
     """Draw one curve a solver with a history of the problem."""
     chosen = choose(run, choice)
-    require_histories(chosen)
+    if not chosen.rows["key"].isin(chosen.histories["key"]).any():
+        raise CpbenchError("no iterates were kept of these rows: run with --history, for solvers that tell theirs")
     solves, problem = _of_one(chosen.rows, chosen.histories, name)
     iterates = histories.charged(solves, chosen.histories)
     iterates = iterates[iterates["error"] < math.inf]
@@ -49,7 +49,8 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
             axes.plot(path["seconds"], path["residual"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     figures.draw_lines(axes, lines, steps=False)
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
-    dress(axes)
+    figures.log_axis(axes, "x", seconds)
+    figures.log_axis(axes, "y", lambda value: f"{value:.0e}")
     axes.set_xlabel("time, conversion and set-up included, log scale")
     axes.set_ylabel("judged error of the iterate")
     figures.legend_beside(axes, "least error   lowest first", lines, ["dashed: the tolerance"])
