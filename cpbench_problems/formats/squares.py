@@ -1,5 +1,4 @@
-"""Models whose pairs leave rows and variables over: complementarity problems where the rest is square, else MPCCs; and
-equations of complementarity problems that no variables can be matched to."""
+"""Which models with pairs are square complementarity problems, and which of their equations no variables match."""
 
 from __future__ import annotations
 
