@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,7 @@ FORGERIES = {
 @pytest.mark.parametrize("name", FORGERIES)
 def test_forged_rows_are_caught(name: str, several: Path) -> None:
     """By the program without cpbench."""
-    with sqlite3.connect(several) as db:
+    with closing(sqlite3.connect(several, isolation_level=None)) as db:
         db.execute(FORGERIES[name])
     code, told = checked(several)
     assert (code, "NOT PROVED" in told) == (1, True), told
