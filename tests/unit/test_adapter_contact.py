@@ -1,4 +1,4 @@
-"""Contact solvers of robotics: Pinocchio's on Coulomb's law, MuJoCo's on the compliant relaxation, judged by us."""
+"""Contact solvers of robotics: Pinocchio's, on Coulomb's law, judged by us."""
 
 from __future__ import annotations
 
@@ -7,18 +7,13 @@ import planted
 import pytest
 import scipy.sparse as sp
 
-from cpbench import graph, storage
-from cpbench.conversions.base import make
-from cpbench.errors import NotApplicable
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.formulations.conic import ConeQP
-from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 
-ADMM, PGS, MUJOCO = (solvers.get(name) for name in ("pinocchio-admm", "pinocchio-pgs", "mujoco-soft"))
+ADMM, PGS = (solvers.get(name) for name in ("pinocchio-admm", "pinocchio-pgs"))
 with_pinocchio = pytest.mark.skipif(not ADMM.availability().ok, reason="needs pin")
-with_mujoco = pytest.mark.skipif(not MUJOCO.availability().ok, reason="needs mujoco")
 
 
 def states(kind: str, nc: int = 6, seed: int = 0, sparse: bool = False) -> FrictionContact:
@@ -125,58 +120,6 @@ def test_what_pinocchio_does_not_take() -> None:
         assert "dimension 2" in solver.obstacle(plane)
         assert "asymmetry = 2.5e-01" in solver.obstacle(skew)
         assert solver.run(FrictionContact(W=np.zeros((0, 0)), q=[], mu=[])).claim is Claim.SOLVED
-
-
-# ------------------------------------------------------------------------------------------ MuJoCo
-
-
-@with_mujoco
-@pytest.mark.parametrize("compliance", [1e-1, 1e-4, 1e-6])
-@pytest.mark.parametrize("name", PLANTED)
-def test_mujoco_solves_the_compliant_contact_and_not_the_rigid_one(name, compliance) -> None:
-    problem = PLANTED[name]
-    target = make("fc-coneqp-compliant", {"compliance": compliance}).step(problem)
-    assert MUJOCO.obstacle(target) is None
-    output = MUJOCO.run(target)
-    assert output.claim is Claim.SOLVED
-    assert judge(target, output.point, 1e-6).solved
-    assert not judge(problem, graph.lift(target, output.point), 1e-6).solved
-
-
-@with_mujoco
-def test_a_compliant_contact_sinks_by_its_compliance() -> None:
-    """One frictionless contact, W = 2, q = −1, R = κW: r = 1/(2 + 2κ), and the rigid velocity is −Rr."""
-    problem = FrictionContact(W=2.0 * np.eye(3), q=np.array([-1.0, 0, 0]), mu=np.zeros(1))
-    target = make("fc-coneqp-compliant", {"compliance": 0.25}).step(problem)
-    r = graph.lift(target, MUJOCO.run(target, Budget(tolerance=1e-10)).point).r
-    np.testing.assert_allclose(r, [1 / 2.5, 0, 0], atol=1e-9)
-    np.testing.assert_allclose((problem.W @ r + problem.q)[0], -0.5 * r[0], atol=1e-9)
-
-
-@with_mujoco
-@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 6])
-def test_cones_of_every_size_and_half_lines(size) -> None:
-    rng = np.random.default_rng(size)
-    K = ProductCone.of((Cone.SECOND_ORDER, 2, size, np.array([0.7, 0.0])), (Cone.NONNEGATIVE, 1, 2), (Cone.ZERO, 1, 1))
-    F = rng.normal(size=(K.rows, K.rows))
-    target = ConeQP.over(F @ F.T + np.eye(K.rows), rng.normal(size=K.rows) - 1.0, K)
-    output = MUJOCO.run(target)
-    assert output.claim is Claim.SOLVED
-    assert judge(target, output.point, 1e-6).solved
-
-
-@with_mujoco
-def test_what_mujoco_does_not_take() -> None:
-    rigid = make("fc-coneqp").step(box(12))
-    assert "take fc-coneqp-compliant" in MUJOCO.obstacle(rigid)
-    disk = ConeQP.over(np.eye(3), -np.ones(3), ProductCone.of((Cone.CYLINDER, 1, 3, 0.5)))
-    assert "CYLINDER" in MUJOCO.obstacle(disk)
-    wide = ConeQP.over(np.eye(7), -np.ones(7), ProductCone.of((Cone.SECOND_ORDER, 1, 7, 0.5)))
-    assert "7 components" in MUJOCO.obstacle(wide)
-    moved = ConeQP.over(np.eye(1), -np.ones(1), ProductCone.of((Cone.NONNEGATIVE, 1, 1)), b=np.ones(1))
-    assert "A = I, b = 0" in MUJOCO.obstacle(moved)
-    with pytest.raises(NotApplicable, match="compliance is 0"):
-        make("fc-coneqp-compliant", {"compliance": 0.0}).step(box())
 
 
 # --------------------------------------------------------------------------------------- real files

@@ -156,3 +156,17 @@ def test_facet_error_falls_with_their_number(name):
     ratios = np.array(worst_error[1:]) / np.array(worst_error[:-1])
     assert (ratios < 0.65).all()
     assert worst_error[-1] < 0.03
+
+
+# -------------------------------------------------------------------------------------- compliance
+
+
+def test_a_compliant_contact_sinks_by_its_compliance() -> None:
+    """One frictionless contact, W = 2, q = −1, R = κW: r = 1/(2 + 2κ), and the rigid velocity is −Rr."""
+    problem = FrictionContact(W=2.0 * np.eye(3), q=np.array([-1.0, 0, 0]), mu=np.zeros(1))
+    target = make("fc-coneqp-compliant", {"compliance": 0.25}).step(problem)
+    r = graph.lift(target, solvers.get("interior-point-coneqp").run(target, Budget(tolerance=1e-10)).point).r
+    np.testing.assert_allclose(r, [1 / 2.5, 0, 0], atol=1e-9)
+    np.testing.assert_allclose((problem.W @ r + problem.q)[0], -0.5 * r[0], atol=1e-9)
+    with pytest.raises(NotApplicable, match="compliance is 0"):
+        make("fc-coneqp-compliant", {"compliance": 0.0}).step(problem)
