@@ -106,7 +106,7 @@ class Hipo(Highs):
         method="interior point",
         citation="Zanetti and Gondzio, A factorisation-based regularised interior point method, arXiv 2508.04370",
         requires=("highspy", "highspy_extras"),
-        install="pip install highspy-extras",
+        install="pip install 'cpbench[hipo]'",
         licence="Apache-2.0",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
     )

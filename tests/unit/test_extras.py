@@ -13,7 +13,12 @@ from cpbench.solvers import solvers
 ROOT = Path(__file__).resolve().parents[2]
 TOML = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 PROJECT = TOML["project"]
-OTHER_NAMES = {"pin": "pinocchio", "drake": "pydrake", "sip-qp-python": "sip_qp_python"}
+OTHER_NAMES = {
+    "pin": "pinocchio",
+    "drake": "pydrake",
+    "sip-qp-python": "sip_qp_python",
+    "highspy-extras": "highspy_extras",
+}
 """Packages that are imported by another name than they are installed by."""
 BLOCKED = """
 import sys
@@ -77,7 +82,7 @@ def test_what_is_heavy_is_an_extra() -> None:
 
 def test_extras_are_what_the_registered_solvers_require() -> None:
     """Both ways, so that no package is typed by hand that no solver names, and no solver is without its extra."""
-    extras = _packages(["cpbench[solvers,commercial]"])
+    extras = _packages(["cpbench[solvers,hipo,commercial]"])
     required = {package for solver in solvers for package in solver.spec.requires}
     assert required <= CORE | extras
     assert extras <= required
