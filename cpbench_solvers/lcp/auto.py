@@ -27,8 +27,10 @@ PROJECTED = {"projected": True}
 """Options of those conjugate gradients."""
 SWEEPS = 100
 """Of projected SOR on a sparse M at most: they cost what factors of M cost that have some twenty times its entries."""
+EXCHANGES = 50
+"""Of bases on a small problem on which Lemke's method has failed: more are those of the least index."""
 NEWTON = SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")
-ON_SMALL = SolverPhase("lemke"), *NEWTON, SolverPhase("enumeration-lcp")
+ON_SMALL = SolverPhase("lemke"), SolverPhase("bpp", EXCHANGES), *NEWTON, SolverPhase("enumeration-lcp")
 
 
 @register
