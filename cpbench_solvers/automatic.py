@@ -41,8 +41,7 @@ FIRST_TURN = {
     **dict.fromkeys(("projection", "operator splitting"), 1_000),
     **{"splitting": 2_000, "enumeration": 4_000},
 }
-"""Iterations in the first turn by kind of method: about equal in work, and as many as most take where they succeed.
-Methods of other kinds (pivoting, interior points, active sets) end by themselves."""
+"""Iterations in the first turn by kind of method: about equal in work, as many as most take. Others end by themselves."""
 
 
 class Neighbour(NamedTuple):
@@ -247,12 +246,12 @@ class _Run:
         """Take turns; return the answer that solves it, the certificate that none does, or the best that was found."""
         while self.seats and not self.over:
             self.seats = [seat for seat in self.seats if not self.over and self._ask(seat)]
+        message = "; ".join(self._messages.values())
         if (ended := self._ended) is not None:  # by one of several, whose time is not that of all
-            message = "; ".join(self._messages.values()) or ended.message
-            return replace(ended, counters=self._counters, message=message, reported=None)
-        best = [f"best error {self._error:.1e}"] if math.isfinite(self._error) else []
-        messages = "; ".join([*self._messages.values(), *best]) or "no solver was asked within the limits"
-        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=messages)
+            return replace(ended, counters=self._counters, message=message or ended.message, reported=None)
+        best = f"; best error {self._error:.1e}" if math.isfinite(self._error) else ""
+        message = f"{message or 'no solver was asked within the limits'}{best}"
+        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=message)
 
     def _share(self, seat: _Seat) -> Budget:
         budget, most = self._budget, seat.turn
