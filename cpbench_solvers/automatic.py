@@ -41,7 +41,7 @@ FIRST_TURN = {
     **dict.fromkeys(("projection", "operator splitting"), 1_000),
     **{"splitting": 2_000, "enumeration": 4_000},
 }
-"""Iterations in the first turn by kind of method: about equal in work, as many as most take. Others end by themselves."""
+"""Iterations in the first turn by kind of method, about equal in work, enough for most. Others end by themselves."""
 
 
 class Neighbour(NamedTuple):
