@@ -189,7 +189,8 @@ def test_blas_has_the_threads_that_are_asked_for_and_its_own_again(monkeypatch: 
         before = [pool["num_threads"] for pool in threadpool_info()]
         cpbench.solve(LCP, "counts-threads")
         cpbench.solve(LCP, "counts-threads", threads=2)
-        assert [pool["num_threads"] for pool in threadpool_info()] == before == [2] * len(before)
+        assert [pool["num_threads"] for pool in threadpool_info()] == before
+    assert max(before) == 2  # some have one, whatever is asked of them
     assert CountsThreads.seen == [1] * len(before) + before
 
 

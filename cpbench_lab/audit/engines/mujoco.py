@@ -64,12 +64,11 @@ class MuJoCo(Engine):
         self.mujoco.mj_step1(model, data)
         self.mujoco.mj_step2(model, data)
         M, J = np.zeros((model.nv, model.nv)), self._jacobian()
-        self.mujoco.mj_fullM(model, data, M) if self._modern else self.mujoco.mj_fullM(model, M, data.qM)
+        if hasattr(data, "qM"):  # of older versions
+            self.mujoco.mj_fullM(model, M, data.qM)
+        else:
+            self.mujoco.mj_fullM(model, data, M)
         return captured(model, data, M, J, bool((data.solver_niter[: data.nisland] < model.opt.iterations).all()))
-
-    @property
-    def _modern(self) -> bool:
-        return int(self.version.split(".")[0]) >= 4
 
     def _jacobian(self) -> Dense:
         """Return the rows of all constraints, (nefc, nv)."""
