@@ -7,6 +7,7 @@ it says nothing are not mentioned.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -114,6 +115,19 @@ def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
     Do not rely on these times: the load was beyond the 2 cores at 1 of 2 pairs (up to 9.8)
     one and the same solve took up to 3.2 times as long as at its best.
     """
+    reasons = _beyond(rows, meta)
+    if (ratio := _drift(meta)) > DRIFT:
+        reasons.append(f"one and the same solve took up to {ratio:.1f} times as long as at its best")
+    return f"Do not rely on these times: {'; '.join(reasons)}." if reasons else ""
+
+
+def noise(rows: pd.DataFrame, meta: Mapping[str, Any]) -> float:
+    """Return the ratio up to which times of a run may differ by the machine alone: ∞ where the load was beyond its
+    cores or kernels were not compiled, else that of a solve that is always the same; see `disturbance`."""
+    return math.inf if _beyond(rows, meta) else _drift(meta)
+
+
+def _beyond(rows: pd.DataFrame, meta: Mapping[str, Any]) -> list[str]:
     machine = meta.get("machine") or {}
     compiled = str(machine.get("kernels", "")).partition(". ")[0]
     reasons = [f"kernels are {compiled}"] if compiled.startswith("NOT") else []
@@ -122,11 +136,12 @@ def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
     if busy and busy >= BUSY * len(loads):
         pairs = f"{busy} of {counted(len(loads), 'pair')}"
         reasons.append(f"the load was beyond the {cores} cores at {pairs} (up to {loads.max():.1f})")
+    return reasons
+
+
+def _drift(meta: Mapping[str, Any]) -> float:
     took = [float(one["seconds"]) for one in meta.get("references") or [] if one["seconds"] and one["seconds"] > 0]
-    drift = max(took) / min(took) if took else 1.0
-    if drift > DRIFT:
-        reasons.append(f"one and the same solve took up to {drift:.1f} times as long as at its best")
-    return f"Do not rely on these times: {'; '.join(reasons)}." if reasons else ""
+    return max(took) / min(took) if took else 1.0
 
 
 def remarks(table: pd.DataFrame) -> list[str]:

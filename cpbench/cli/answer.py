@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from cpbench.analysis.cautions import noise
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.ranking import Ranking
 from cpbench.analysis.run_table import RunTable, quotation
@@ -57,7 +58,7 @@ def print_answer(run: RunTable) -> None:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
     if quoted := quotation(run.meta):
         print_lines(folded(quoted))
-    lines = [line for ranking in run.rankings for line in _sentence(ranking, bool(run.disturbance))]
+    lines = [line for ranking in run.rankings for line in _sentence(ranking, run)]
     warning = [click.style(line, fg="yellow") for line in folded(run.disturbance) if line]
     first = warning or ["Which solver to use:"]
     click.echo("\n".join(["", *(first if lines else []), *lines]))
@@ -67,12 +68,12 @@ def _title(ranking: Ranking) -> str:
     return f" ({ranking.title})" if ranking.title else ""
 
 
-def _sentence(ranking: Ranking, disturbed: bool) -> Sequence[str]:
+def _sentence(ranking: Ranking, run: RunTable) -> Sequence[str]:
     """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold; where
-    times were `disturbed`, the solvers that solved most."""
+    times were disturbed, the solvers that solved most."""
     opening = f"{ranking.formulation}{_title(ranking)}: {ranking.advice.before}"
-    withheld = disturbed and ranking.advice.winner and len(ranking.rows) > 1
-    text = solved_most(ranking, listed_plainly) if withheld else ranking.verdict
+    withheld = run.disturbance and ranking.advice.winner and len(ranking.rows) > 1
+    text = solved_most(ranking, listed_plainly, noise(run.rows, run.meta)) if withheld else ranking.verdict
     first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {text}")
     if first.startswith(opening + ranking.winner):  # the opening may be longer than a line
         first = opening + click.style(ranking.winner, bold=True) + first.removeprefix(opening + ranking.winner)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import failures, participation, reliability
+from cpbench.analysis import cautions, failures, participation, reliability
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
@@ -49,16 +49,22 @@ def _answer(run: Run, ranking: Ranking) -> str:
     if not advice.winner:
         return plain(advice.text)
     if run.disturbance:
-        return solved_most(ranking, listed)
+        return solved_most(ranking, listed, cautions.noise(run.read, run.meta))
     gap = " " if advice.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
     return f"{plain(advice.before)} **{code(advice.winner)}**{gap}{plain(advice.after)}"
 
 
-def solved_most(ranking: Ranking, names: Callable[[Sequence[str], int], str]) -> str:
-    """Return which solvers solved most problems: all that there is to say where the times are not to be relied on."""
+def solved_most(ranking: Ranking, names: Callable[[Sequence[str], int], str], noise: float) -> str:
+    """Return which solvers solved most problems, where the times are not to be relied on; where these solved all, also
+    which of them took least time by more than the machine changed, `noise` times."""
     most = max(row.solved for row in ranking.rows)
-    first = [row.solver for row in ranking.rows if row.solved == most]
-    return f"most problems were solved by {names(first, 4)}: {most} of {ranking.cases}."
+    first = [row for row in ranking.rows if row.solved == most]
+    text = f"most problems were solved by {names([row.solver for row in first], 4)}: {most} of {ranking.cases}"
+    least = min(row.factor for row in first)
+    near = [row.solver for row in first if row.factor <= noise * least]
+    if most == ranking.cases and 0 < len(near) < len(first):
+        text += f"; {names(near, 4)} took least time, by more than the machine changed"
+    return f"{text}."
 
 
 def headline(run: Run) -> Iterator[str]:

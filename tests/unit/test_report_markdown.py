@@ -142,6 +142,12 @@ def test_the_answer_of_enough_problems_says_what_to_use(tmp_path: Path, capsys: 
         printed = capsys.readouterr().out
         assert f"lcp (linear complementarity problem): {said}" in printed
         assert ("Do not rely on these times" in printed) == ("Which solver to use:" not in printed) == (load > 2)
+    for longest, said in ((0.018, "; fast took least time, by more than the machine changed."), (0.021, ".")):
+        references = [{"seconds": 0.01}, {"seconds": longest}]
+        print_answer(RunTable.of(rows.assign(loadavg=0.1), meta(machine={"threads": 2}, references=references)))
+        assert f"most problems were solved by fast, slow: 20 of 20{said}\n" in " ".join(
+            capsys.readouterr().out.split("\n    ")
+        )
 
 
 def test_the_hardest_problems_are_told_with_where_they_are_from(tmp_path: Path) -> None:
