@@ -54,7 +54,7 @@ class RunTable:
     @cached_property
     def disturbance(self) -> str:
         """What may have disturbed the times of the run; '' where nothing is known of it."""
-        return cautions.disturbance(self.rows, self.meta) or ""
+        return cautions.disturbance(self.rows, self.meta)
 
 
 def quotation(meta: Mapping[str, Any]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
 from cpbench.formulations.linear import AVI, MLCP, AVIPoint, MLCPPoint
@@ -11,22 +9,14 @@ from cpbench.foundation import matrices
 from cpbench_solvers.automatic import Neighbour
 from cpbench_solvers.qp.apart import block
 
-_MADE: WeakKeyDictionary[AVI, Neighbour] = WeakKeyDictionary()
 
-
-def as_mlcp(problem: AVI) -> Neighbour:
-    """Return the MLCP with u = (z without bounds, μ) and v = (z from its bound on, λ, t), made once.
+def as_mlcp(P: AVI) -> Neighbour:
+    """Return the MLCP with u = (z without bounds, μ) and v = (z from its bound on, λ, t).
 
     An unknown with a bound is z = lb + y or, where only the upper one is finite, ub − y with y ≥ 0. Where both are,
     t ≥ 0 is the force of the upper one, 0 ≤ t ⟂ ub − lb − y ≥ 0 (Cottle, Pang and Stone 1992, section 1.5). Unknowns
     with equal bounds are constants. M changes by signs alone, so that what is monotone remains so.
     """
-    if problem not in _MADE:
-        _MADE[problem] = _made(problem)
-    return _MADE[problem]
-
-
-def _made(P: AVI) -> Neighbour:
     n, m, k = P.q.size, P.b.size, P.d.size
     low, high = np.isfinite(P.lb), np.isfinite(P.ub)
     origin, sign = np.where(low, P.lb, np.where(high, P.ub, 0.0)), np.where(high & ~low, -1.0, 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -46,7 +47,8 @@ class AutoAVI(_Affine):
     )
 
     def phases(self, problem: AVI) -> Sequence[SolverPhase]:
-        mixed = [SolverPhase(name, via=as_mlcp) for name in self.members if name.endswith("-mlcp")]
+        made_once = cache(as_mlcp)  # for its members, and no longer than the plan
+        mixed = [SolverPhase(name, via=made_once) for name in self.members if name.endswith("-mlcp")]
         own = [SolverPhase("lemke-avi"), SolverPhase("newton-avi")]
         if problem.q.size > LARGE:
             return [own[1], *reversed(mixed), own[0]]
