@@ -56,6 +56,11 @@ class RunTable:
         """What may have disturbed the times of the run; '' where nothing is known of it."""
         return cautions.disturbance(self.rows, self.meta)
 
+    @cached_property
+    def noise(self) -> float:
+        """Ratio up to which its times may differ by the machine alone."""
+        return cautions.noise(self.rows, self.meta)
+
 
 def quotation(meta: Mapping[str, Any]) -> str:
     """Return the line about the collection by the facts of a run, '' where they quote none.

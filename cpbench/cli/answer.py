@@ -8,7 +8,6 @@ from pathlib import Path
 
 import click
 
-from cpbench.analysis.cautions import noise
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.ranking import Ranking
 from cpbench.analysis.run_table import RunTable, quotation
@@ -73,7 +72,7 @@ def _sentence(ranking: Ranking, run: RunTable) -> Sequence[str]:
     times were disturbed, the solvers that solved most."""
     opening = f"{ranking.formulation}{_title(ranking)}: {ranking.advice.before}"
     withheld = run.disturbance and ranking.advice.winner and len(ranking.rows) > 1
-    text = solved_most(ranking, listed_plainly, noise(run.rows, run.meta)) if withheld else ranking.verdict
+    text = solved_most(ranking, listed_plainly, run.noise) if withheld else ranking.verdict
     first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {text}")
     if first.startswith(opening + ranking.winner):  # the opening may be longer than a line
         first = opening + click.style(ranking.winner, bold=True) + first.removeprefix(opening + ranking.winner)

@@ -135,6 +135,11 @@ class Run:
         return cautions.disturbance(self.read, self.meta)
 
     @cached_property
+    def noise(self) -> float:
+        """Ratio up to which its times may differ by the machine alone."""
+        return cautions.noise(self.read, self.meta)
+
+    @cached_property
     def contradictions(self) -> list[Contradiction]:
         """Rows that cannot all be right, of those that are reported (`contradictions.of_results`)."""
         return contradictions.of_results(self.meta, self.read) if self.whole is None else self.whole.contradictions

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import cautions, failures, participation, reliability
+from cpbench.analysis import failures, participation, reliability
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
@@ -49,7 +49,7 @@ def _answer(run: Run, ranking: Ranking) -> str:
     if not advice.winner:
         return plain(advice.text)
     if run.disturbance:
-        return solved_most(ranking, listed, cautions.noise(run.read, run.meta))
+        return solved_most(ranking, listed, run.noise)
     gap = " " if advice.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
     return f"{plain(advice.before)} **{code(advice.winner)}**{gap}{plain(advice.after)}"
 

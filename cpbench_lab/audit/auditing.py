@@ -61,6 +61,12 @@ class Audit:
         """How many of the broken steps the engine called converged."""
         return int((self.broken & (self.columns["converged"] == 1)).sum())
 
+    @property
+    def engine(self) -> str:
+        """The engine with its version and options."""
+        options = "".join(f" {name}={value}" for name, value in self.head["options"].items())
+        return f"{self.head['engine']} {self.head['version']}{options}"
+
     def record(self) -> dict[str, Any]:
         """Return all but the worst step, as JSON takes it."""
         columns = {name: [x if math.isfinite(x) else None for x in v.tolist()] for name, v in self.columns.items()}
@@ -81,8 +87,7 @@ class Audit:
         """Yield the summary, and what was measured beside it."""
         yield self.summary()
         head, c = self.head, self.columns
-        options = "".join(f" {name}={value}" for name, value in head["options"].items())
-        yield f"  {head['engine']} {head['version']}{options}, {head['scene']}, dt {head['dt']:g} s; law: {head['law']}"
+        yield f"  {self.engine}, {head['scene']}, dt {head['dt']:g} s; law: {head['law']}"
         yield f"  error on that law: median {median(c['error']):.1e}; a step breaks it above {head['tolerance']:g}"
         yield f"  error on Coulomb's law of the same contacts: median {median(c['coulomb']):.1e}"
         if np.isfinite(c["creep"]).any():
@@ -163,8 +168,12 @@ def shipped(scene: str) -> Path:
     for path in (Path(scene), SCENES / f"{scene}.xml"):
         if path.is_file():
             return path
-    names = ", ".join(sorted(path.stem for path in SCENES.glob("*.xml")))
-    raise FormatError(scene, "", f"is no file, nor a scene that ships: {names}")
+    raise FormatError(scene, "", f"is no file, nor a scene that ships: {', '.join(scenes())}")
+
+
+def scenes() -> list[str]:
+    """Return the names of the scenes that ship."""
+    return sorted(path.stem for path in SCENES.glob("*.xml"))
 
 
 def measured(steps: Sequence[EngineStep], tolerance: float) -> Vector:

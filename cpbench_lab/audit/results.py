@@ -17,16 +17,11 @@ from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing
 from cpbench.storage import save_pack
 from cpbench.verification import judge
-from cpbench_lab.audit.auditing import SCENES, Audit, median
+from cpbench_lab.audit.auditing import Audit, median
 
 HEAD = ["scene", "steps", "broken", "claimed", "worst", "at", "Coulomb", "creep [µm/s]", "angle [deg]"]
 """Columns: steps that break the law, those of them that the engine called converged, the largest error and its step,
 medians of the error on Coulomb's law, of creep, and of the angle between friction and sliding."""
-
-
-def scenes() -> list[str]:
-    """Return the names of the scenes that ship."""
-    return sorted(path.stem for path in SCENES.glob("*.xml"))
 
 
 def cells(one: Audit) -> list[str]:
@@ -69,7 +64,7 @@ def compared(old: Sequence[Audit], new: Sequence[Audit]) -> tuple[list[str], boo
     if not like:
         raise CpbenchError("no scene is in both files with one tolerance and number of steps: nothing is compared")
     counts = [sum(int(pair[side].broken.sum()) for pair in like) for side in (0, 1)]
-    names = [" and ".join(sorted({_name(one) for one in audits})) for audits in (old, new)]
+    names = [" and ".join(sorted({one.engine for one in audits})) for audits in (old, new)]
     worse = [pair[1].head["scene"] for pair in like if pair[1].broken.sum() > pair[0].broken.sum()]
     verdict = f"more in {', '.join(worse)}" if worse else "in no scene more"
     steps = sum(pair[0].broken.size for pair in like)
@@ -79,11 +74,6 @@ def compared(old: Sequence[Audit], new: Sequence[Audit]) -> tuple[list[str], boo
         lines += [f"  {label:{len(scene)}}  {one.summary()}" for label, one in zip((scene, ""), pair, strict=True)]
     others = sorted((before.keys() | after.keys()) - {pair[0].head["scene"] for pair in like})
     return lines + ([f"  not in both alike, and not compared: {', '.join(others)}"] if others else []), bool(worse)
-
-
-def _name(one: Audit) -> str:
-    options = "".join(f" {name}={value}" for name, value in one.head["options"].items())
-    return f"{one.head['engine']} {one.head['version']}{options}"
 
 
 def write_folder(one: Audit, folder: Path) -> Iterator[Path]:

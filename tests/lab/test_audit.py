@@ -19,10 +19,9 @@ from cpbench.foundation.matrices import dense
 from cpbench.registry import load_plugin
 from cpbench.verification import judge
 from cpbench.verification.stacked import judge_beside
-from cpbench_lab.audit.auditing import Audit, audit, shipped
+from cpbench_lab.audit.auditing import Audit, audit, scenes, shipped
 from cpbench_lab.audit.engine import EngineStep
 from cpbench_lab.audit.engines.mujoco import MuJoCo
-from cpbench_lab.audit.results import scenes
 from cpbench_lab.commands.audit_command import command
 
 pytest.importorskip("mujoco")
