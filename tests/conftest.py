@@ -150,8 +150,8 @@ def pytest_terminal_summary(terminalreporter) -> None:
         for plugin, row in sorted(plugins.items()):
             marks = " ".join(row.get(check, " ").rjust(2) for check in checks)
             terminalreporter.line(f"  {plugin:<24}{marks}")
+    _skips(terminalreporter)
     if os.environ.get("CI") == "true" and _unexpected:
         terminalreporter.section("skips without a listed reason (failures in CI)")
         for line in _unexpected:
             terminalreporter.line(line)
-    _skips(terminalreporter)
