@@ -122,9 +122,11 @@ def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
 
 
 def noise(rows: pd.DataFrame, meta: Mapping[str, Any]) -> float:
-    """Return the ratio up to which times of a run may differ by the machine alone: ∞ where the load was beyond its
-    cores or kernels were not compiled, else that of a solve that is always the same; see `disturbance`."""
-    return math.inf if _beyond(rows, meta) else _drift(meta)
+    """Return the ratio up to which times of a problem may differ by the machine alone: ∞ where the load was beyond its
+    cores, kernels were not compiled, or solvers of a problem may have run at different times, since the run was resumed
+    or merged; else that of a solve that is always the same; see `disturbance`."""
+    parts = sum(one.get("pairs") == 0 for one in meta.get("references") or [])
+    return math.inf if parts > 1 or _beyond(rows, meta) else _drift(meta)
 
 
 def _beyond(rows: pd.DataFrame, meta: Mapping[str, Any]) -> list[str]:

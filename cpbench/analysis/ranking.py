@@ -108,9 +108,9 @@ class Ranking:
         return self.rows[:LINES]
 
     @property
-    def title(self) -> str:
-        """Title of its node, '' where the node is not known any more."""
-        return formulations.get(self.group.node).title if self.group.node in formulations else ""
+    def bracketed_title(self) -> str:
+        """Title of its node in brackets, after a blank; '' where the node is not known any more."""
+        return f" ({formulations.get(self.group.node).title})" if self.group.node in formulations else ""
 
     @property
     def verdict(self) -> str:

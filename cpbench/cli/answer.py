@@ -63,17 +63,13 @@ def print_answer(run: RunTable) -> None:
     click.echo("\n".join(["", *(first if lines else []), *lines]))
 
 
-def _title(ranking: Ranking) -> str:
-    return f" ({ranking.title})" if ranking.title else ""
-
-
 def _sentence(ranking: Ranking, run: RunTable) -> Sequence[str]:
     """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold; where
     times were disturbed, the solvers that solved most."""
-    opening = f"{ranking.formulation}{_title(ranking)}: {ranking.advice.before}"
+    opening = f"{ranking.formulation}{ranking.bracketed_title}: {ranking.advice.before}"
     withheld = run.disturbance and ranking.advice.winner and len(ranking.rows) > 1
     text = solved_most(ranking, listed_plainly, run.noise) if withheld else ranking.verdict
-    first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {text}")
+    first, *rest = folded(f"{ranking.formulation}{ranking.bracketed_title}: {text}")
     if first.startswith(opening + ranking.winner):  # the opening may be longer than a line
         first = opening + click.style(ranking.winner, bold=True) + first.removeprefix(opening + ranking.winner)
     return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]

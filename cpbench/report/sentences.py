@@ -12,6 +12,7 @@ from cpbench.analysis import failures, participation, reliability
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
+from cpbench.analysis.ranking_order import LEVEL
 from cpbench.analysis.run_table import quotation
 from cpbench.report.run import Run
 from cpbench.report.text import code, counted, cut, listed, number, plain, seconds
@@ -19,8 +20,6 @@ from cpbench.verification import Status
 
 ENOUGH = 20
 """Problems of a formulation from which on a report says which solver to use."""
-DRIFT = 1.1
-"""A machine that was this many times slower at one time than at another spoils ratios."""
 
 
 def answers(run: Run) -> Iterator[str]:
@@ -35,13 +34,10 @@ def answers(run: Run) -> Iterator[str]:
         elif len(ranking.rows) < 2:
             few.append(f"{plain(ranking.formulation)} (1 solver)")
         else:
-            yield f"- **{plain(ranking.formulation)}**{_title(ranking)}: {_answer(run, ranking)}"
+            title = f" {plain(ranking.bracketed_title)}" if ranking.bracketed_title else ""
+            yield f"- **{plain(ranking.formulation)}**{title}: {_answer(run, ranking)}"
     if few:
         yield f"- Too few to say, with fewer than {ENOUGH} problems or one solver: {', '.join(few)}."
-
-
-def _title(ranking: Ranking) -> str:
-    return f" ({plain(ranking.title)})" if ranking.title else ""
 
 
 def _answer(run: Run, ranking: Ranking) -> str:
@@ -56,14 +52,19 @@ def _answer(run: Run, ranking: Ranking) -> str:
 
 def solved_most(ranking: Ranking, names: Callable[[Sequence[str], int], str], noise: float) -> str:
     """Return which solvers solved most problems, where the times are not to be relied on; where these solved all, also
-    which of them took least time by more than the machine changed, `noise` times."""
+    which of them took least time by more than a machine explains whose speed changes `noise` times: solvers of a
+    problem run one after the other, in random order, so that means stray less (Hoeffding, J. Am. Stat. Assoc. 58)."""
     most = max(row.solved for row in ranking.rows)
     first = [row for row in ranking.rows if row.solved == most]
     text = f"most problems were solved by {names([row.solver for row in first], 4)}: {most} of {ranking.cases}"
+    stray = noise ** min(1.0, math.sqrt(2.0 * math.log(2.0 / LEVEL) / ranking.cases))
     least = min(row.factor for row in first)
-    near = [row.solver for row in first if row.factor <= noise * least]
+    near = [row.solver for row in first if row.factor <= stray * least]
     if most == ranking.cases and 0 < len(near) < len(first):
-        text += f"; {names(near, 4)} took least time, by more than the machine changed"
+        text += f"; {names(near, 4)} took least time, in the mean by more than the machine's changes explain"
+    ends = max(ranking.rows, key=lambda row: row.solved + row.stationary)
+    if ends.solved + ends.stationary > most:
+        text += f"; {names([ends.solver], 1)} solved {ends.solved}, and {ends.stationary} more to a stationary point"
     return f"{text}."
 
 
@@ -183,11 +184,11 @@ def _times(run: Run) -> Iterator[str]:
         )
     took = [float(r["seconds"]) for r in run.meta.get("references") or [] if r["seconds"] == r["seconds"]]
     if len(took) > 1:
-        spread = max(took) / min(took)
-        noise = f" Time ratios below {spread:.2g} are within this machine's noise." if spread > DRIFT else ""
         yield (
             f"A solve that is always the same was repeated {len(took)} times during the run: it took "
-            f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}.{noise}"
+            f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor "
+            f"{max(took) / min(took):.2f}. Ratios of two times below that are within this machine's noise; means over "
+            "many problems, whose solvers ran one after the other in random order, are steadier."
         )
 
 

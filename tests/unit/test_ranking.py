@@ -53,8 +53,8 @@ def test_pairs_not_started_count_against_no_solver(status: str) -> None:
 
 def test_a_ranking_names_its_formulation_and_its_winner() -> None:
     [found] = _ranked(row("a", "one", "solved", 1.0), row("a", "two", "failed", 1.0))
-    assert (found.title, found.winner, found.problems_and_starts) == (
-        "linear complementarity problem",
+    assert (found.bracketed_title, found.winner, found.problems_and_starts) == (
+        " (linear complementarity problem)",
         "one",
         "1 problem",
     )
