@@ -213,10 +213,9 @@ def _conditions(runs: Rows) -> str:
 
 
 def _extent(run: Mapping[str, str]) -> str:
-    """Say how many problems of a tier were run; those of up to a size where it was not all."""
-    if run["problems"] == run["of"]:
-        return f"all {run['of']} problems"
-    return f"{run['problems']} of {run['of']} problems, of at most {run['largest']} unknowns"
+    """Say how many problems of a tier were run, of those of its formulations, and of how many unknowns."""
+    part = "all" if run["problems"] == run["of"] else f"{run['problems']} of"
+    return f"{part} {run['of']} problems of the formulations below, of at most {run['largest']} unknowns,"
 
 
 if __name__ == "__main__":

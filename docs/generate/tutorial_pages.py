@@ -33,6 +33,7 @@ def files() -> dict[str, bytes]:
         "assets/ratios.png": "speed/ratios.png",
         "assets/motion.svg": "motion/motion.svg",
         "results/standard.md": "standard/report.md",
+        "results/details.md": "standard/details.md",
         "results/answer.png": "standard/answer.png",
     }
     return {**made, **{name: (ROOT / "reports" / path).read_bytes() for name, path in reports.items()}}

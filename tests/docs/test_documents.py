@@ -155,7 +155,7 @@ def test_decisions_have_a_title_a_date_and_a_part() -> None:
 
 
 def test_reports_in_the_repository_are_small() -> None:
-    """Plans, pictures, and the report of the standard tier; what CI makes goes to artefacts."""
+    """Plans, pictures, and the report of the standard run; what CI makes goes to artefacts."""
     listed = subprocess.run(["git", "ls-files", "-z", "reports"], cwd=ROOT, capture_output=True, text=True)
     if listed.returncode:
         pytest.skip("does not apply: no clone")
