@@ -16,7 +16,7 @@ from cpbench_lab.diagnosis.apart import Apart
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.causes.iterates import period
 from cpbench_lab.diagnosis.diagnose import diagnose
-from cpbench_lab.diagnosis.scaled import scaled
+from cpbench_lab.diagnosis.other_units import scaled
 
 SPIN = cp.LCP(M=[[1.0, 1.0], [-1.0, 1.0]], q=[-3.0, -1.0], name="spin")
 """Gauss and Seidel's sweeps go to and fro: from z = 0 to (3, 4), and back."""
@@ -82,7 +82,7 @@ def test_other_units_lead_back(node: str) -> None:
     }[node]()
     other = scaled(problem)
     assert other is not None
-    assert other.after < other.before
+    assert other.numbers["after"] < other.numbers["before"]
     answer = cp.solve(other.problem, tolerance=1e-9)
     assert cp.verify(problem, other.back(answer.point), tolerance=1e-6).solved
 

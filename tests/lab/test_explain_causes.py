@@ -23,7 +23,7 @@ from cpbench_lab.diagnosis.complaint import complaint_of
 from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.even_masses import even_masses
-from cpbench_lab.diagnosis.uniform import uniform
+from cpbench_lab.diagnosis.other_units import uniform
 
 SLOW = cp.LCP(M=[[1.0, -0.99999], [-0.99999, 1.0]], q=[-1.0, 0.9], name="slow")
 """z = (1 − 0.9 c, c − 0.9)/(1 − c²), c = 0.99999; each sweep of Gauss and Seidel leaves c² of the error."""
@@ -83,7 +83,7 @@ def test_a_problem_of_size_one_leads_back(node: str) -> None:
         again = uniform(other.problem, answer.point if known is not None else None)
         assert again is not None
         if known is not None:
-            assert max(abs(math.log2(again.unknowns)), abs(math.log2(again.terms))) <= 1.1
+            assert max(abs(math.log2(size)) for size in again.numbers.values()) <= 1.1
 
 
 def test_a_problem_without_sizes_has_no_magnitude() -> None:

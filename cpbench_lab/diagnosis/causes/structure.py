@@ -14,7 +14,7 @@ from cpbench.foundation.matrices import Matrix
 from cpbench.foundation.text import counted
 from cpbench_lab import facts
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
-from cpbench_lab.diagnosis.scaled import scaled
+from cpbench_lab.diagnosis.other_units import scaled
 from cpbench_lab.diagnosis.shifted import principal, shifted
 
 ROUNDING = 1e-12

@@ -8,8 +8,7 @@ from dataclasses import replace
 from cpbench.foundation.text import counted
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench_lab.diagnosis.even_masses import even_masses
-from cpbench_lab.diagnosis.scaled import scaled
-from cpbench_lab.diagnosis.uniform import uniform
+from cpbench_lab.diagnosis.other_units import scaled, uniform
 
 SPREAD = 3.0
 """Decades by which units have to shrink the spread of the rows for a trial to be worth it."""
@@ -26,14 +25,14 @@ cantilever, whose first two eigenvalues are (4.694/1.875)⁴ = 39 apart; nothing
 def scale(case: FailedTrial) -> Cause | None:
     """Compare the sizes of the rows with those in units, powers of two, in which the entries are alike."""
     found = scaled(case.problem)
-    if found is None or found.before - found.after < SPREAD:
+    if found is None or found.numbers["before"] - found.numbers["after"] < SPREAD:
         return None
     trial = replace(case.trial, problem=found.problem, tolerance=TIGHTER * case.trial.tolerance)
     change = "units in which the entries are alike"
     return Cause(
         kind="scale",
-        evidence=f"its rows lie {found.before:.1f} decades apart, {found.after:.1f} in {change}",
-        numbers={"before": found.before, "after": found.after},
+        evidence="its rows lie {before:.1f} decades apart, {after:.1f} in ".format(**found.numbers) + change,
+        numbers=found.numbers,
         without=trial,
         change=change,
         remedies=(Remedy(text=f"the same solver in {change}", trial=trial, back=found.back),),
@@ -48,16 +47,17 @@ def magnitude(case: FailedTrial) -> Cause | None:
     found = uniform(case.problem, case.known)
     if found is None:
         return None
-    away = max(abs(math.log10(found.unknowns)), abs(math.log10(found.terms)))
-    if away < DECADES:
+    if max(abs(math.log10(size)) for size in found.numbers.values()) < DECADES:
         return None
     trial = replace(case.trial, problem=found.problem)
     terms = "objective" if case.problem.node == "qp" else "rows"
     change = "objective, rows and unknowns scaled to size one by powers of two"
     return Cause(
         kind="magnitude",
-        evidence=f"its unknowns are of size {found.unknowns:.1e}, the largest term of its {terms} is {found.terms:.1e}",
-        numbers={"unknowns": found.unknowns, "terms": found.terms},
+        evidence="its unknowns are of size {unknowns:.1e}, the largest term of its {} is {terms:.1e}".format(
+            terms, **found.numbers
+        ),
+        numbers=found.numbers,
         without=trial,
         change=change,
         remedies=(Remedy(text=f"the same solver with {change}", trial=trial, back=found.back),),
