@@ -15,7 +15,6 @@ def summary(certificate: Certificate) -> str:
     parts = [
         f"unique: {certificate.unique}" if certificate.unique else "",
         number_of_solutions(certificate),
-        certificate.excluded_text(".2g"),
         certificate.reason,
     ]
     return "; ".join(filter(None, parts))
@@ -56,8 +55,6 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
         yield f"  solutions  {counted}"
         for x in certificate.evidence.get("solutions", ()):
             yield f"             ({', '.join(f'{v:.6g}' for v in x)})"
-    if certificate.excluded:
-        yield f"  excluded   {certificate.excluded_text('.3g')}"
     if certificate.reason:
         yield f"  no proof   {certificate.reason}"
     yield f"  seconds    {certificate.seconds:.3g}"
@@ -71,12 +68,12 @@ def _meaning(certificate: Certificate) -> str:
         boxed = "centre" in certificate.evidence
         how = f"a box is proved to hold {known}" if boxed else f"{known} is known exactly"
         near = certificate.distance <= certificate.tolerance
-        return f"{how}; {'the multipliers of the answer are those of none' if near else 'the answer is not near it'}"
+        return f"{how}; {'the answer misses the tolerance by its error' if near else 'the answer is not near it'}"
     return {
         "proved": f"{known} is known exactly, and the answer is near it",
         "stationary": f"{known} is known exactly, and the answer is near it; the program is not convex",
         "enclosed": f"a box near the answer is proved to hold {known}",
-        "refuted": "no solution is near the answer" if certificate.solutions else "there is no solution",
+        "refuted": "there is no solution",
         "measured": "nothing is proved",
         "infeasible": "no point meets the conditions, in rational arithmetic",
         "unbounded": "from a feasible point the objective falls along a ray for ever, in rational arithmetic",

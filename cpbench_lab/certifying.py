@@ -160,8 +160,8 @@ def require_flint() -> None:
 
 
 def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
-    """Look for certificates of all kept answers of a results file that have none yet; yields a line for each. Rows
-    keep their proofs, and the file the data of their problems.
+    """Look for certificates of all kept answers of a results file that have none yet; yields a line for each. Rows get
+    the level and the distance.
 
     The file is open for writing. `seconds` : limit of each search [s].
 
@@ -169,11 +169,9 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
     """
     from cpbench import storage
     from cpbench.bench.results.rows import unpack_answer
-    from cpbench_lab.certificates.certificate import MEASURED, data_image, image
 
     formats = store.meta().get("formats", {})
     loaded: tuple[str, Problem] | None = None
-    noted = set[str]()
     for row in sorted(store.rows(), key=lambda row: row.address):
         blob = store.ending(row.key)[1] if row.certainty is None else None
         if blob is None:
@@ -185,12 +183,7 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
             raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
         found = certify(problem, unpack_answer(blob), seconds=seconds, tolerance=float(row.tolerance))
         distance = found.distance if math.isfinite(found.distance) else None
-        more = found.level != MEASURED or bool(found.excluded) or not math.isnan(found.solutions)
-        proof = image(found) if more else None
-        if proof is not None and problem.fingerprint not in noted:
-            noted.add(problem.fingerprint)
-            store.note_proved_problems([(problem.fingerprint, data_image(problem))])
-        store.note_certificate(row.key, found.level, distance, summary(found), proof)
+        store.note_certificate(row.key, found.level, distance, summary(found))
         yield f"{row.problem}  {row.label}: {found.level}" + ("" if distance is None else f", within {distance:.2g}")
 
 

@@ -42,19 +42,19 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def disproved(table: pd.DataFrame) -> pd.Series:
-    """Return whether a proof says that no solution is where the answer is: in a box around it, or because all there are
-    are elsewhere; or the answer has numbers that are not finite."""
-    excluded = table["certificate"].str.contains("no solution is within|there is no solution|is not finite")
+    """Return whether a proof says that no solution is where the answer is, because all are elsewhere or there is none; or
+    the answer has numbers that are not finite."""
+    excluded = table["certificate"].str.contains("there is no solution|is not finite")
     only = table["certificate"].str.contains("unique|all listed")
     elsewhere = only & (table["distance"] > AWAY * table["tolerance"])
     return (table["certainty"] == "refuted") | excluded | elsewhere
 
 
 def refuted(table: pd.DataFrame) -> pd.Series[bool]:
-    """Return whether a certificate refutes each answer: no solution is near it, or the only ones are farther than FAR.
+    """Return whether a certificate refutes each answer: there is no solution, or the only ones are farther than FAR.
 
-    That no solution is near counts where one is known: the rounding of a file may leave its exact numbers none, and
-    then refutes every answer. A table without certificates has no such row.
+    The first counts where a solution is known: the rounding of a file may leave its exact numbers none, and then
+    refutes every answer. A table without certificates has no such row.
     """
     if not {"certainty", "certificate", "distance"} <= set(table):
         return pd.Series(False, index=table.index)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from flint import fmpz
 
 from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, blocks, over_one, rational, regular_part, solve
 from cpbench_lab.certificates.mixed import Mixed
+from cpbench_lab.certificates.refinement import refined
 
 LARGEST = 1200
-"""Unknowns of the largest irreducible system that is solved: half a minute."""
+"""Unknowns of the largest system that FLINT solves: half a minute."""
+MANY = 200
+"""Unknowns from which factors in doubles are tried first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,24 +48,28 @@ class ExactPoint:
     reason: str = ""
 
 
-def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector) -> ExactPoint:
+def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float = math.inf) -> ExactPoint:
     """Return the exact point with these states; what is redundant among the basic unknowns is held near `near`."""
     held = at_bounds(P, states)
     basic = np.flatnonzero(states == BASIC).astype(np.int64)
     x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    if basic.size > MANY:
+        part = refined(sp.csr_array(P.K[basic][:, basic]), sides(P, K, basic, x), deadline)
+        if part is not None:
+            return _with(held, x, basic, basic, part)
     rows: list[Index] = []
     columns: list[Index] = []
     for own_rows, own_columns in blocks(P.K, basic):
-        if own_rows.size > LARGEST:
-            return ExactPoint(None, [], f"{own_rows.size} unknowns hang together, {LARGEST} is the most that is solved")
-        part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
+        part = solved_exactly(P, K, own_rows, own_columns, x, deadline)
         if part is None:
+            if own_rows.size > LARGEST:
+                return ExactPoint(None, [], too_large(own_rows.size))
             all_columns = own_columns
             own_rows, own_columns = regular_part(K, own_rows, own_columns, near[own_columns])
             for j in np.setdiff1d(all_columns, own_columns).tolist():
                 held[j] = min(max(float(near[j]), P.lo[j]), P.hi[j])
                 x[j] = rational(held[j])
-            part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
+            part = solved_exactly(P, K, own_rows, own_columns, x, deadline)
             if part is None:
                 return ExactPoint(None, [], "the system of the active set is singular")
         for j, value in zip(own_columns.tolist(), part, strict=True):
@@ -70,6 +79,37 @@ def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector) -> ExactPo
     none = np.zeros(0, dtype=np.int64)
     ends = np.cumsum([part.size for part in rows], dtype=np.int64)
     return ExactPoint(Support(held, np.concatenate([none, *rows]), np.concatenate([none, *columns]), ends), x)
+
+
+def solved_exactly(
+    P: Mixed, K: ExactRows, rows: Index, columns: Index, x: Sequence[Any], deadline: float
+) -> list[Any] | None:
+    """Return the unknowns at which these rows are 0 with the others as they are in x, where these are 0; None where the
+    system is singular, or is large and near to that."""
+    right = sides(P, K, rows, x)
+    part = refined(sp.csr_array(P.K[rows][:, columns]), right, deadline) if rows.size > MANY else None
+    return solve(K, rows, columns, right) if part is None and rows.size <= LARGEST else part
+
+
+def system_point(P: Mixed, K: ExactRows, held: Vector, rows: Index, columns: Index, deadline: float) -> ExactPoint:
+    """Return the exact point at which these rows are 0 and the other unknowns are held."""
+    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    part = solved_exactly(P, K, rows, columns, x, deadline)
+    if part is None:
+        return ExactPoint(None, [], too_large(rows.size) if rows.size > LARGEST else "")
+    return _with(held, x, rows, columns, part)
+
+
+def _with(held: Vector, x: list[Any], rows: Index, columns: Index, part: Sequence[Any]) -> ExactPoint:
+    """Return the point with the unknowns that one system gives."""
+    for j, value in zip(columns.tolist(), part, strict=True):
+        x[j] = value
+    return ExactPoint(Support(held, rows, columns, np.array([rows.size])), x)
+
+
+def too_large(size: int) -> str:
+    """Say that a system is too large for FLINT, and no factors in doubles are good enough for it."""
+    return f"{size} unknowns hang together: more than {LARGEST} are solved only where doubles tell their digits"
 
 
 def sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:

@@ -2,8 +2,8 @@
 
 A file holds the group `certificate`:
 
-    @format_version = 4, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded, @solutions,
-    @tolerance, @margin, @seal (SHA-256 of all the rest)
+    @format_version = 5, @node, @fingerprint (of the problem), @level, @unique, @convex, @distance,
+    @solutions, @tolerance, @margin, @value_low, @value_high, @seal (SHA-256 of all the rest)
     answer                the answer in doubles, its parts one after the other; none where no solution exists
     evidence/*            arrays of the proof
     data/*                the problem, as the checker reads it: vectors, dense matrices, sparse ones as groups (shape,
@@ -11,8 +11,7 @@ A file holds the group `certificate`:
 
 Beside it stands the problem with the answer as its `/solution`, as in an answer file of cpbench.
 
-`checker/`, which shares no code with this package, proves it again from this file alone. A results file has
-certificates without `data` in its rows, and the data of each problem once.
+`checker/`, which shares no code with this package, proves it again from this file alone.
 """
 
 from __future__ import annotations
@@ -35,8 +34,11 @@ from cpbench.storage.hdf5_files import write_problem
 from cpbench.storage.hdf5_points import put_solution
 from cpbench.storage.hdf5_tree import new_file, put_array, put_attribute
 
-VERSION = 4
-NAMES = ("node", "fingerprint", "level", "unique", "distance", "excluded", "solutions", "tolerance", "margin")
+VERSION = 5
+NAMES = (
+    "node", "fingerprint", "level", "unique", "convex", "distance", "solutions", "tolerance", "margin",
+    "value_low", "value_high",
+)  # fmt: skip
 """Attributes of a certificate's group."""
 MEASURED, ENCLOSED, PROVED, DISTANT, REFUTED = "measured", "enclosed", "proved", "distant", "refuted"
 STATIONARY = "stationary"
@@ -61,15 +63,14 @@ class Certificate:
     answer : the answer in doubles, its parts one after the other; empty for a problem without a solution.
     distance : a bound on ‖answer − solution‖∞/‖solution‖∞; for `mlcp` the larger one of u and v, each over its own
         size (over that of both where it is 0); NaN where no solution is known. It is absolute where the solution is 0.
-    excluded : no solution is within this radius of the answer, over its ‖·‖∞; 0 where that is not proved. The answer is
-        the whole one; for `qp` and `avi` z alone where the evidence has a `direction`, else z, λ and μ. It is looked
-        for where no solution is known, or none within the tolerance, and for multipliers: an answer with z near a
-        solution is `distant` too where its multipliers are not near those of any.
     unique : the fact that makes the solution unique, '' where none was found.
+    convex : the fact that makes a quadratic program convex, '' where none was found (it may be convex to rounding).
     solutions : how many there are, infinity where they fill a continuum, NaN where they were not counted.
     reason : what stops a proof, '' where there is one.
     tolerance : the distance up to which an answer is near. margin : of a problem without a solution, the largest share
         of their sizes by which its numbers may change while it has none (`cpbench.proofs.margins`); else NaN.
+    value_low, value_high : doubles around ½zᵀQz + pᵀz at the exact point of a quadratic program, without the constant
+        that a file may have; where the program is `convex` its least value is between them. NaN of others.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
     """
 
@@ -78,7 +79,6 @@ class Certificate:
     level: str
     answer: Vector
     distance: float = float("nan")
-    excluded: float = 0.0
     unique: str = ""
     solutions: float = float("nan")
     reason: str = ""
@@ -86,27 +86,16 @@ class Certificate:
     seconds: float = 0.0
     tolerance: float = TOLERANCE
     margin: float = float("nan")
+    convex: str = ""
+    value_low: float = float("nan")
+    value_high: float = float("nan")
 
     def __bool__(self) -> bool:
         return self.level in (ENCLOSED, PROVED, INFEASIBLE, UNBOUNDED)
 
-    def excluded_text(self, digits: str) -> str:
-        """Say how far from the answer a solution must be at least, with a number so written; '' where that is not
-        known."""
-        if not self.excluded:
-            return ""
-        whole = self.node in ("qp", "avi") and "direction" not in self.evidence
-        with_its = " with its multipliers" if whole else ""
-        return f"no solution is within {self.excluded:{digits}} of the answer's size{with_its}"
-
 
 def save(path: str | Path, certificate: Certificate, problem: Problem, *, force: bool = False) -> None:
     """Write a certificate with the data of its problem; raises FormatError where the file exists (unless `force`)."""
-    write_atomic(Path(path), image(certificate, problem), force=force)
-
-
-def image(certificate: Certificate, problem: Problem | None = None) -> bytes:
-    """Return the bytes of the file of a certificate, with the data of its problem where that is given."""
     with new_file() as (root, made):
         own = root.create_group("certificate")
         put_attribute(own, "format_version", VERSION)
@@ -114,29 +103,17 @@ def image(certificate: Certificate, problem: Problem | None = None) -> bytes:
             put_attribute(own, name, getattr(certificate, name))
         put_array(own, "answer", certificate.answer, compress=True)
         _put_all(own.create_group("evidence"), dict(certificate.evidence))
-        if problem is not None:
-            _put_problem(own.create_group("data"), problem)
+        data = own.create_group("data")
+        for name, value in problem.data().items():
+            _put_data(data, name, value)
+        for name, value in problem.maps().items():
+            _put_all(data.create_group(name), {"inputs": np.array(value.inputs), **value.arrays()})
         put_attribute(own, "seal", _seal(own))
-        if problem is not None:
-            write_problem(root, problem, compress=True)
-            if certificate.answer.size:
-                point = problem.point_from_vector(certificate.answer)
-                put_solution(root, problem, point, {"name": problem.name, "verdict": certificate.level})
-    return made[0]
-
-
-def data_image(problem: Problem) -> bytes:
-    """Return the bytes of a file with the data of a problem alone, as a certificate's file has them."""
-    with new_file() as (root, made):
-        _put_problem(root.create_group("data"), problem)
-    return made[0]
-
-
-def _put_problem(group: h5py.Group, problem: Problem) -> None:
-    for name, value in problem.data().items():
-        _put_data(group, name, value)
-    for name, value in problem.maps().items():
-        _put_all(group.create_group(name), {"inputs": np.array(value.inputs), **value.arrays()})
+        write_problem(root, problem, compress=True)
+        if certificate.answer.size:
+            point = problem.point_from_vector(certificate.answer)
+            put_solution(root, problem, point, {"name": problem.name, "verdict": certificate.level})
+    write_atomic(Path(path), made[0], force=force)
 
 
 def _seal(group: h5py.Group) -> str:

@@ -66,7 +66,7 @@ def _of_some(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: flo
             break
         changed = states.copy()
         changed[doubtful[list(chosen)]] = bounds[list(chosen)]
-        result = exact_point(P, K, changed, near)
+        result = exact_point(P, K, changed, near, deadline)
         if result.support is not None and not violations(P, K, result.x):
             return result
     return ExactPoint(None, [])
@@ -83,7 +83,7 @@ def _pivoted(
         tried.add(states.tobytes())
         if time.perf_counter() > deadline:
             return ExactPoint(None, [], first or "the time is over")
-        result = exact_point(P, K, states, near)
+        result = exact_point(P, K, states, near, deadline)
         if result.support is None:
             return ExactPoint(None, [], result.reason)
         wrong = violations(P, K, result.x)

@@ -1,4 +1,4 @@
-"""Facts of a matrix that make a solution unique, decided in exact arithmetic.
+"""Facts of a matrix that make a solution unique, or a program convex, decided in exact arithmetic.
 
 Doubles give the witness; integers decide. Both facts are of the problem, not of an answer.
 """
@@ -8,14 +8,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from flint import fmpz_mat
-from scipy.linalg import solve_triangular
+import scipy.sparse as sp
+from flint import fmpq_mat, fmpz_mat
+from scipy.linalg import lapack, solve_triangular
+from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation.matrices import Sparse
 
 LARGEST = 1200
 """Rows of the largest matrix that is looked at."""
-P_MATRIX, DEFINITE = "P-matrix", "positive definite"
+P_MATRIX, DEFINITE, SEMIDEFINITE = "P-matrix", "positive definite", "positive semidefinite"
 
 
 def uniqueness(M: Sparse, *, box: bool) -> str:
@@ -76,6 +78,40 @@ def definite(M: Sparse) -> bool:
     X, half = integer_matrix(inverse, 40), integer_matrix(scaled)
     product: Any = X * (half + half.transpose()) * X.transpose()
     return all(2 * row[i] > sum(map(abs, row)) for i, row in enumerate(product.tolist()))
+
+
+def convexity(Q: Sparse) -> str:
+    """Name the fact that makes a symmetric matrix positive semidefinite, '' where none is found: each of its connected
+    components is a number ≥ 0 or is shown to be so."""
+    count, label = connected_components(sp.csr_matrix(Q), directed=False)
+    if (Q.diagonal() < 0).any():
+        return ""
+    order = np.argsort(label, kind="stable")
+    parts = np.split(order, np.cumsum(np.bincount(label, minlength=count))[:-1])
+    larger = [sp.csr_array(Q[part][:, part]) for part in parts if part.size > 1]
+    if all(M.shape[0] <= LARGEST and definite(M) for M in larger) and (Q.diagonal() > 0).all():
+        return DEFINITE
+    fits = all(M.shape[0] <= LARGEST and (definite(M) or semidefinite(M)) for M in larger)
+    return SEMIDEFINITE if fits else ""
+
+
+def semidefinite(M: Sparse) -> bool:
+    """Return whether a symmetric matrix is positive semidefinite: a block of its rows and columns is positive definite,
+    and by that block, exactly, nothing is left of the others (its Schur complement is 0)."""
+    dense: Any = M.toarray()
+    if (dense != dense.T).any():
+        return False
+    _, pivots, rank, _ = lapack.dpstrf(dense, tol=-1.0)
+    some, others = pivots[:rank] - 1, pivots[rank:] - 1
+    if not (0 < rank < len(dense) and definite(sp.csr_array(dense[np.ix_(some, some)]))):
+        return False
+    whole = integer_matrix(dense).tolist()
+
+    def block(rows: Any, columns: Any) -> Any:
+        return fmpq_mat(fmpz_mat([[whole[i][j] for j in columns.tolist()] for i in rows.tolist()]))
+
+    rest = block(others, some) * block(some, some).solve(block(some, others), algorithm="dixon")
+    return rest == block(others, others)
 
 
 def integer_matrix(dense: Any, bits: int | None = None) -> Any:

@@ -23,8 +23,8 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
-from cpbench_lab.certificates.basic_points import LARGEST, ExactPoint, Support, row_value, sides, violations
-from cpbench_lab.certificates.exact_rows import ExactRows, Index, rational, solve
+from cpbench_lab.certificates.basic_points import ExactPoint, row_value, system_point, violations
+from cpbench_lab.certificates.exact_rows import ExactRows, Index
 from cpbench_lab.certificates.mixed import Mixed
 
 ROUNDS = 6
@@ -70,7 +70,7 @@ def at_vertex(P: Mixed, K: ExactRows, near: Vector, deadline: float) -> ExactPoi
 def _mended(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> ExactPoint:
     """Return the exact point of a vertex, after rows that depend on others were let go."""
     for _ in range(ROUNDS):
-        result = _vertex(P, K, states, near, deadline - time.perf_counter())
+        result = _vertex(P, K, states, near, deadline)
         wrong = violations(P, K, result.x) if result.support is not None else []
         if not wrong:
             return result
@@ -90,21 +90,13 @@ def _mended(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: floa
     return ExactPoint(None, [])
 
 
-def _vertex(P: Mixed, K: ExactRows, states: States, near: Vector, seconds: float) -> ExactPoint:
+def _vertex(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> ExactPoint:
     """Return the exact point of a vertex that the simplex method finds; without a support where it finds none."""
-    found = _basis(P, states, near, seconds)
+    found = _basis(P, states, near, deadline - time.perf_counter())
     if found is None:
         return ExactPoint(None, [])
     held, rows, columns = found
-    if rows.size > LARGEST:
-        return ExactPoint(None, [], f"{rows.size} unknowns hang together, {LARGEST} is the most that is solved")
-    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
-    part = solve(K, rows, columns, sides(P, K, rows, x))
-    if part is None:
-        return ExactPoint(None, [])
-    for j, value in zip(columns.tolist(), part, strict=True):
-        x[j] = value
-    return ExactPoint(Support(held, rows, columns, np.array([rows.size])), x)
+    return system_point(P, K, held, rows, columns, deadline)
 
 
 def _basis(P: Mixed, states: States, near: Vector, seconds: float) -> tuple[Vector, Index, Index] | None:

@@ -22,10 +22,17 @@ from cpbench.generators.collection import address_text
 from cpbench.storage.base import require_new
 from cpbench_lab.certificate_text import certificate_lines
 from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_rows, save_certificate
+from cpbench_lab.proved_optima import certify_folder, published_values
 
 
 @click.command()
-@click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
+@click.argument("problem", metavar="PROBLEM|RESULTS|FOLDER", type=ADDRESS)
+@click.option(
+    "--all", "everything", is_flag=True, help="All problems in FOLDER, into the folder -o: a table, and certificates."
+)
+@click.option(
+    "--published", metavar="FILE.csv", type=PATH, help="With --all: optimal values of others (problem, value)."
+)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")
 @tolerance_option
@@ -35,6 +42,8 @@ from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_ro
 @force_option
 def command(
     problem: str,
+    everything: bool,
+    published: Path | None,
     answer: Path | None,
     solver: str | None,
     tolerance: float,
@@ -46,15 +55,24 @@ def command(
     """Look for a proof that an answer is a solution, and show the distance.
 
     Polyhedral problems are solved exactly. An answer is proved when it is within the tolerance of the exact solution.
-    For others the command looks for a box near the answer that contains a solution (enclosed), or for one around it
-    that contains none (refuted). An answer is distant when a solution is known and the answer is not near it, and
-    stationary when the program is not convex, so that only its first-order conditions are proved. If there is no
-    proof, the command says what prevents one. Without an answer it also looks for a proof that the problem has no
-    solution (infeasible, unbounded). The program cpbench_lab/certificates/checker checks the proof in a file again. The
-    exit code is 0 when the answer is proved or enclosed, when there is proved to be none, and when a distant answer
-    meets the tolerance by its error; else 1. With RESULTS all stored answers get their level and distance, which
-    cpbench report shows.
+    For others the command looks for a box near the answer that contains a solution (enclosed). An answer is distant
+    when a solution is known and the answer is not near it, and stationary when the program is not convex, so that only
+    its first-order conditions are proved. If there is no proof, the command says what prevents one. Without an answer
+    it also looks for a proof that the problem has no solution (infeasible, unbounded). The program
+    cpbench_lab/certificates/checker checks the proof in a file again. The exit code is 0 when the answer is proved or
+    enclosed, when there is proved to be none, and when a distant answer meets the tolerance by its error; else 1. With
+    RESULTS all stored answers get their level and distance, which cpbench report shows. With --all every problem in a
+    folder gets a row in table.csv, with its optimal value; rows that are there stay, values that differ from published
+    ones come first, and the exit code is 0.
     """
+    if everything or published is not None:
+        if not everything or output is None or answer is not None or solver is not None or file_format is not None:
+            raise click.UsageError(
+                "--all FOLDER needs -o FOLDER, and no --answer, --solver or --format; --published --all"
+            )
+        values = published_values(published) if published is not None else {}
+        print_lines(certify_folder(Path(problem), output, timeout, tolerance, values))
+        return
     if is_results_file(problem):
         if answer is not None or solver is not None or output is not None:
             raise click.UsageError("with RESULTS no --answer, --solver or --output: all kept answers are looked at")

@@ -183,5 +183,5 @@ def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str
         only = f", the only one ({certificate.unique})" if certificate.unique else ""
         return True, f"a solution{only} is at most {certificate.distance:.2g} away"
     if certificate.level == "refuted":
-        return False, certificate.excluded_text(".2g") or "there is no solution"
+        return False, "there is no solution"
     return False, f"nothing is proved ({certificate.reason})" if certificate.reason else "nothing is proved"

@@ -238,7 +238,7 @@ def test_the_checker_is_small_and_needs_nothing_of_cpbench() -> None:
                 imported.add((node.module or "").split(".")[0])
         assert path.read_text().count("\n") <= 200
     own = {path.stem for path in files}
-    assert imported - own - set(sys.stdlib_module_names) == {"numpy", "h5py", "flint"}
+    assert imported - own - set(sys.stdlib_module_names) == {"numpy", "scipy", "h5py", "flint"}
 
 
 # ---------------------------------------------------------------------------------------- the command

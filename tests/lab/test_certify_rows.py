@@ -1,16 +1,12 @@
-"""Certificates of the answers of a run: levels, distances, forged rows, the section of the report."""
+"""Certificates of the answers of a run: levels, distances, the section of the report."""
 
 from __future__ import annotations
 
-import shutil
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 import synthetic_results as synthetic
-from certificate_checks import checked
 from command_line import cpbench as command
 
 import cpbench as cp
@@ -66,69 +62,6 @@ def test_rows_have_the_distance_from_the_exact_solution_until_they_run_again(res
     assert [row.certainty for row in Store(results).rows()] == [None, None]
     assert command(folder, "certify", "r.sqlite").stdout.count("proved") == 2
     assert command(folder, "certify", "r.sqlite", "-s", "lemke").returncode == 2
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A results file with a proof, an enclosure, refuted claims, and a problem of which all solutions are listed."""
-    tmp_path = tmp_path_factory.mktemp("several")
-    cp.save(cp.LCP(M=np.array([[1.0, 2.0], [2.0, 1.0]]), q=np.full(2, -3.0), name="three"), tmp_path / "three.h5")
-    W, q, mu = np.diag([1.0, 2.0, 1.0]), np.array([-1.0, -1.0, 0.0]), np.array([6.0])
-    cp.save(cp.FrictionContact(W=W, q=q, mu=mu, name="stick"), tmp_path / "stick.h5")
-    cp.save(cp.QP.build(np.eye(2), np.array([-1.0, -3.0]), lb=np.zeros(2), name="program"), tmp_path / "program.h5")
-    names = ("three.h5", "stick.h5", "program.h5")
-    done = command(tmp_path, "run", *names, "-s", "lemke,nsgs,auto-qp,pgs", "--repeats", "1", "-o", "r.sqlite",
-                   "--no-report")  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    done = command(tmp_path, "certify", "r.sqlite")
-    assert done.returncode == 0, done.stderr
-    return tmp_path / "r.sqlite"
-
-
-@pytest.fixture
-def several(run: Path, tmp_path: Path) -> Path:
-    """A copy of that file, to be changed."""
-    return Path(shutil.copy(run, tmp_path / "r.sqlite"))
-
-
-def test_rows_are_proved_again_without_cpbench(several: Path) -> None:
-    code, told = checked(several)
-    assert code == 0, told
-    assert "three  lemke: proved" in told
-    assert "3 solutions, all listed" in told
-    assert "stick  nsgs: enclosed" in told
-    assert "program  auto-qp: proved" in told
-    with Store(several) as store:
-        assert len(told.splitlines()) == sum(row.certainty is not None for row in store.rows())
-        assert {kind for _, kind, _ in store.certificates()} == {"answer"}
-        problems = {row.fingerprint for row in store.rows() if row.certainty}
-        assert {fingerprint for fingerprint, _ in store.proved_problems()} == problems
-
-
-FORGERIES = {
-    "a level": "UPDATE rows SET certainty = 'proved' WHERE label = 'nsgs'",
-    "a distance": "UPDATE rows SET distance = 1e-18 WHERE label = 'lemke'",
-    "a distance that is gone": "UPDATE rows SET distance = NULL WHERE label = 'lemke'",
-    "a fact": "UPDATE rows SET certificate = 'unique: P-matrix' WHERE label = 'lemke'",
-    "a number": "UPDATE rows SET certificate = '2 solutions, all listed' WHERE label = 'lemke'",
-    "no proof": "DELETE FROM certificates",
-    "no problem": "DELETE FROM proved_problems",
-    "another problem": "UPDATE rows SET fingerprint = (SELECT max(fingerprint) FROM rows)",
-    "another problem's data": "UPDATE proved_problems SET data = (SELECT max(data) FROM proved_problems)",
-    "another answer": "UPDATE answers SET answer = (SELECT max(answer) FROM answers)",
-    "another proof": "UPDATE certificates SET proof = (SELECT max(proof) FROM certificates)",
-    "a bit of a proof": "UPDATE certificates SET proof ="
-    " CAST(substr(proof, 1, 2000) || x'ff' || substr(proof, 2002) AS BLOB)",
-}
-
-
-@pytest.mark.parametrize("name", FORGERIES)
-def test_forged_rows_are_caught(name: str, several: Path) -> None:
-    """By the program without cpbench."""
-    with closing(sqlite3.connect(several, isolation_level=None)) as db:
-        db.execute(FORGERIES[name])
-    code, told = checked(several)
-    assert (code, "NOT PROVED" in told) == (1, True), told
 
 
 def test_levels_are_counted_by_solver_and_problem() -> None:

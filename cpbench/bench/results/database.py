@@ -34,7 +34,6 @@ _TABLES = (
     "CREATE TABLE histories (key TEXT PRIMARY KEY REFERENCES rows(key), history BLOB NOT NULL)",
     "CREATE TABLE certificates (key TEXT PRIMARY KEY REFERENCES rows(key), kind TEXT NOT NULL, proof BLOB NOT NULL)",
     "CREATE TABLE problems (fingerprint TEXT PRIMARY KEY, features TEXT NOT NULL)",
-    "CREATE TABLE proved_problems (fingerprint TEXT PRIMARY KEY, data BLOB NOT NULL)",
     "CREATE TABLE reference (at TEXT NOT NULL, pairs INTEGER NOT NULL, seconds REAL, loadavg REAL)",
     "CREATE TABLE machines (host TEXT PRIMARY KEY, description TEXT NOT NULL)",
     "CREATE TABLE refused (address TEXT PRIMARY KEY, reason TEXT NOT NULL)",

@@ -57,7 +57,6 @@ def merge(inputs: Sequence[str | Path], output: str | Path) -> None:
                 merged.add(row for i, store in enumerate(stores) for row in store.rows() if chosen[row.key] == i)
                 for index, store in enumerate(stores):
                     merged.add_kept(item for item in store.kept() if chosen[item[0]] == index)
-                    merged.note_proved_problems(store.proved_problems())
                 _merge_facts(merged, sorted(stores, key=lambda store: store.counts().keys() <= {"not_run"}))
                 merged.settle()
             _sync(partial)

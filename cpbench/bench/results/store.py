@@ -42,8 +42,6 @@ KEEP = ("none", "wrong", "all")
 KEEP_LIMIT = 10**9
 """Bytes of answers after which `--keep all` stops keeping; rows without their answer say so."""
 NOT_KEPT = "answer not kept"
-OF_AN_ANSWER = "answer"
-"""Kind of a certificate that is about an answer."""
 CHUNK = 5_000
 """Rows of a table that are held as Python objects at a time; equal texts among them are one object."""
 _KINDS = {**PLANNED, **MEASURED}
@@ -165,12 +163,8 @@ class Store:
         yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
 
     def certificates(self) -> Iterator[tuple[str, str, bytes]]:
-        """Yield (key, kind, proof) of every row that is proved to have no solution, or whose answer has a proof."""
+        """Yield (key, kind, proof) of every row that is proved to have no solution."""
         yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
-
-    def proved_problems(self) -> Iterator[tuple[str, bytes]]:
-        """Yield (fingerprint, data) of every problem of which an answer has a proof."""
-        yield from self._database.stream("SELECT fingerprint, data FROM proved_problems ORDER BY fingerprint")
 
     def table(self) -> pd.DataFrame:
         """Return all rows in the order problem, label, key, with `error` ∞ where none was measured."""
@@ -209,11 +203,6 @@ class Store:
         with self._database.transaction() as db:
             lines = [(fingerprint, json.dumps(dict(facts))) for fingerprint, facts in features.items()]
             db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", lines)
-
-    def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
-        """Keep the data of problems by fingerprint, for a check of the proofs of answers."""
-        with self._database.transaction() as db:
-            db.executemany("INSERT OR IGNORE INTO proved_problems VALUES (?, ?)", data)
 
     def add_reference(self, pairs: int, seconds: float, loadavg: float | None = None) -> None:
         """Add a reference solve of this moment: pairs run before, its time [s] (NaN if it failed), and the load of the
@@ -287,17 +276,12 @@ class Store:
             for one in kept:
                 _keep(db, *one)
 
-    def note_certificate(
-        self, key: str, certainty: str, distance: float | None, words: str, proof: bytes | None = None
-    ) -> None:
-        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays."""
+    def note_certificate(self, key: str, certainty: str, distance: float | None, words: str) -> None:
+        """Put down how certain the answer of a row is."""
         change = "UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?"
         with self._database.transaction() as db:
             if db.execute(change, (certainty, distance, _text(words), key)).rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key}")
-            db.execute("DELETE FROM certificates WHERE key = ? AND kind = ?", (key, OF_AN_ANSWER))
-            if proof is not None:
-                db.execute("INSERT OR IGNORE INTO certificates VALUES (?, ?, ?)", (key, OF_AN_ANSWER, proof))
 
     def reset(
         self,

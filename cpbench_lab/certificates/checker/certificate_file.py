@@ -118,7 +118,7 @@ def read(path: str) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]
 def parts(group: Any, stored: Any) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]]:
     """Return the same of a certificate and of the data of its problem; raises ValueError where they were changed."""
     own = {k: v.decode() if isinstance(v, bytes) else v for k, v in group.attrs.items()}
-    require(own["format_version"] in (2, 3, 4) and own["node"] in ORDER, "is no certificate that is known here")
+    require(own["format_version"] == 5 and own["node"] in ORDER, "is no certificate that is known here")
     require(own["seal"] == seal(group), "the file was changed after it was written")
     data: dict[str, Any] = {}
     for name in ORDER[own["node"]].split():

@@ -8,8 +8,12 @@ from typing import Any
 import numpy as np
 from certificate_file import Matrix, exact, require
 from flint import fmpq, fmpq_mat
+from large_systems import large_system
+from matrix_facts import convex, unique
 
 INFINITE = 1e19
+LARGEST = 200
+"""Rows of the largest system that FLINT solves as a dense one."""
 OVER_BOXES = ("lcp", "relay", "mlcp", "avi", "qp")
 
 
@@ -98,13 +102,21 @@ def solved(K: list[dict[int, float]], c: Any, evidence: dict[str, Any]) -> list[
         own, unknown = rows[start:end], {j: k for k, j in enumerate(columns[start:end])}
         A, b = [], []
         for i in own:
-            A.append([exact(K[i].get(j, 0.0)) for j in unknown])
-            b.append([-exact(c[i]) - sum((exact(v) * x[j] for j, v in K[i].items() if j not in unknown), fmpq(0))])
-        for j, value in zip(unknown, fmpq_mat(A).solve(fmpq_mat(b)).entries(), strict=True):
+            A.append({unknown[j]: v for j, v in K[i].items() if j in unknown})
+            b.append(-exact(c[i]) - sum((exact(v) * x[j] for j, v in K[i].items() if j not in unknown), fmpq(0)))
+        for j, value in zip(unknown, system(A, b), strict=True):
             x[j] = value
         start = end
     require(start == len(rows), "some unknowns are not solved for")
     return x
+
+
+def system(A: list[dict[int, float]], b: list[Any]) -> list[Any]:
+    """Return the exact solution of a square system."""
+    if len(A) > LARGEST:
+        return large_system(A, b)
+    dense = fmpq_mat([[exact(row.get(j, 0.0)) for j in range(len(A))] for row in A])
+    return dense.solve(fmpq_mat([[v] for v in b])).entries()
 
 
 def polyhedral(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence: dict[str, Any]) -> None:
@@ -129,7 +141,7 @@ def polyhedral(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence:
     there = [sum(((1 if k > 0 else -1) * x[abs(k) - 1] for k in part), fmpq(0)) for part in compared]
     start = data["f"].size if node == "gfc" else 0  # the answer has v before r there
     here = [exact(v) for v in answer[start : start + len(there)].tolist()]
-    first = data["a"].size if node == "mlcp" and own["format_version"] > 2 else 0  # u and v have a size each
+    first = data["a"].size if node == "mlcp" else 0  # u and v have a size each
     whole_size = max(map(abs, there), default=fmpq(0)) or fmpq(1)
     for part in (slice(0, first), slice(first, None)):
         size = max(map(abs, there[part]), default=fmpq(0)) or whole_size
@@ -141,24 +153,9 @@ def polyhedral(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence:
     require(not (rows and fact == "P-matrix"), "a P-matrix makes solutions unique over boxes only")
     only = fact == "enumeration" and own["solutions"] == 1  # the number is checked apart
     require(not fact or only or unique(fact, K, len(compared)), "the solution is not shown to be unique")
-
-
-def unique(fact: str, K: list[dict[int, float]], n: int) -> bool:
-    """Return whether the leading block has the fact: by a witness in doubles that is checked over the rationals."""
-    M = np.array([[K[i].get(j, 0.0) for j in range(n)] for i in range(n)])
-    if fact == "P-matrix":
-        M = np.where(np.eye(n) > 0, M, -np.abs(M))
-        witness = fmpq_mat([[exact(v)] for v in np.linalg.solve(M, np.diag(M)).tolist()])
-        return all(v > 0 for v in (*np.diag(M), *witness.entries(), *(rational(M) * witness).entries()))
-    scale = np.ldexp(1.0, -(np.frexp(np.diag(M))[1] // 2))
-    double = (M * scale).T * scale
-    inverse = np.linalg.inv(np.linalg.cholesky(double + double.T))
-    X, S = rational(np.round(inverse * 2.0**40)), rational(M) + rational(M.T)
-    D = fmpq_mat(n, n, [exact(scale[i]) if i == j else fmpq(0) for i in range(n) for j in range(n)])
-    product = (X * D) * S * (X * D).transpose()
-    return fact == "positive definite" and all(2 * r[i] > sum(map(abs, r)) for i, r in enumerate(product.tolist()))
-
-
-def rational(M: Any) -> Any:
-    """Return a matrix of doubles over the rationals."""
-    return fmpq_mat([[exact(v) for v in row] for row in M.tolist()])
+    if node == "qp":
+        z, p = x[: len(compared)], [exact(v) for v in data["p"].tolist()]
+        square = sum((exact(v) * z[i] * z[j] for i, row in enumerate(data["Q"].rows) for j, v in row.items()), fmpq(0))
+        value = square / 2 + sum((a * b for a, b in zip(p, z, strict=True)), fmpq(0))
+        require(exact(own["value_low"]) <= value <= exact(own["value_high"]), "the objective has another value")
+        require(not own["convex"] or convex(data["Q"].rows), "the program is not shown to be convex")

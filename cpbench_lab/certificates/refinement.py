@@ -1,0 +1,98 @@
+"""Exact solutions of large sparse systems: digits from a factorization in doubles, residuals in integers.
+
+A step solves for the residual with the factors, rounds the result to a grid of powers of two, and takes it off the
+residual exactly, which shrinks by what the factors are good for. A rational is known by its first digits, twice as many
+as its denominator has (Z. Wan, J. Symb. Comput. 41, 2006; W. Cook and D. Steffy, ACM Trans. Math. Softw. 37, 2011):
+digits are doubled until a common denominator is found.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from flint import fmpq, fmpz
+
+from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.matrices import Sparse
+from cpbench_lab.certificates.exact_rows import ExactRows, over_one
+
+STEP, LEAST = 44, 4
+"""Binary digits that a step takes from doubles, and those that it must gain, or the factors are not good for it."""
+DOUBT = 16
+"""Binary digits by which an approximation is worse than its last one, and a denominator shorter than it may be."""
+FIRST = 256
+"""Binary digits at which a common denominator is looked for at first."""
+TOGETHER = 32
+"""Steps whose digits are put together before they are put to the long numbers of all before."""
+DENSE = 200_000
+"""Entries of the largest matrix: of a dense one FLINT has the digits sooner."""
+
+
+def refined(A: Sparse, right: Sequence[Any], deadline: float) -> list[Any] | None:
+    """Return x with A x = right over the rationals; None where doubles do not tell its digits, or the time is over.
+
+    Whoever asks checks the rows: what is read off the digits is right but for an accident. A : (n, n), finite.
+    right : n rationals. deadline : of `time.perf_counter` [s].
+    """
+    if A.nnz > DENSE or not A.nnz or (np.diff(A.indptr) == 0).any():
+        return None
+    rows = np.ldexp(1.0, -np.frexp(abs(A).max(axis=1).toarray().ravel())[1])
+    scaled: Any = sp.diags_array(rows) @ A
+    columns = np.ldexp(1.0, -np.frexp(abs(scaled).max(axis=0).toarray().ravel())[1])
+    factors = sparse_lu(sp.csc_array(scaled @ sp.diags_array(columns))) if np.isfinite(columns).all() else None
+    if factors is None:
+        return None
+    exact, (numerators, common) = ExactRows.of(A), over_one(right)
+    raised, lowered = np.maximum(exact.exponents, 0).tolist(), np.maximum(-np.array(exact.exponents), 0).tolist()
+    entries: Any = np.array([v << k for row, k in zip(exact.values, raised, strict=True) for v in row], dtype=object)
+    residual: Any = np.array([int(b) << k for b, k in zip(numerators, lowered, strict=True)], dtype=object)
+    units = rows * np.ldexp(1.0, np.minimum(exact.exponents, 0))
+    x: Any = residual * 0
+    late, since, places, wanted, known = x, 0, 0, FIRST, -(10**9)
+    for count in range(1, 10**9):
+        try:
+            z = columns * factors.solve(units * residual.astype(np.float64))
+        except OverflowError:  # numbers beyond all doubles
+            return None
+        top = int(np.frexp(np.abs(z).max())[1]) if z.any() else -STEP
+        if time.perf_counter() > deadline or not np.isfinite(z).all() or places - top < known + LEAST:
+            return None
+        known = places - top
+        if known >= wanted or not z.any():
+            x, late, since = x * (1 << since) + late, late * 0, 0
+            whole = over_common_denominator([fmpz(v) for v in x], places, max(top, 0) + DOUBT)
+            if whole is not None:
+                return [fmpq(v, common * whole[1]) for v in whole[0]]
+            wanted = 2 * known
+        more, less = max(STEP - top, 0), max(top - STEP, 0)
+        step = np.rint(np.ldexp(z, more - less)).astype(np.int64).astype(object) * (1 << less)
+        residual = residual * (1 << more) - np.add.reduceat(entries * step[A.indices], A.indptr[:-1])
+        late, since, places = late * (1 << more) + step, since + more, places + more
+        if count % TOGETHER == 0:
+            x, late, since = x * (1 << since) + late, late * 0, 0
+    return None
+
+
+def over_common_denominator(x: list[Any], places: int, doubt: int) -> tuple[list[Any], Any] | None:
+    """Return integers v and the least D with v/D = x/2^places but for its last `doubt` binary digits; None where D has
+    more digits than x tells."""
+    whole, D = fmpz(1) << places, fmpz(1)
+    most = (places - doubt) // 2 - DOUBT
+    for value in x:
+        rest = value * D % whole
+        if min(rest, whole - rest) <= D << doubt:
+            continue
+        # the convergents of rest/whole: the least q for which q·rest is a multiple of it
+        larger, before, q = whole, fmpz(0), fmpz(1)
+        while rest > (D * q) << doubt:
+            if D.bit_length() + q.bit_length() > most:
+                return None
+            quotient = larger // rest
+            larger, rest, before, q = rest, larger - quotient * rest, q, quotient * q + before
+        D *= q
+    half = whole // 2
+    return [(value * D + half) >> places for value in x], D
