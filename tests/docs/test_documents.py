@@ -75,7 +75,7 @@ def test_commands_and_their_options_exist(page: Path) -> None:
 def test_each_command_has_an_example() -> None:
     """The pages of the commands run them while they are made."""
     examples = tomllib.loads((ROOT / "docs/generate/command_examples.toml").read_text("utf-8"))
-    assert list(examples) == cli.list_commands(click.Context(cli))
+    assert list(examples) == sorted(cli.list_commands(click.Context(cli)))
     for name, example in examples.items():
         assert example["run"].split()[:2] == ["cpbench", name]
         assert_known(example["run"].removeprefix("cpbench "), name)
@@ -185,3 +185,8 @@ def test_what_a_decision_revises_names_it() -> None:
         for old, other in re.findall(r"[Rr]evises (\d{4})(?: and (\d{4}))?", path.read_text("utf-8")):
             for one in filter(FILES.get, (old, other)):  # of others, which were merged, git has the text
                 assert number in status(one), number
+
+
+def test_the_man_page_has_every_command() -> None:
+    commands = (ROOT / "docs" / "cpbench.1").read_text("utf-8").partition(".SH COMMANDS")[2].partition(".SH")[0]
+    assert sorted(re.findall(r"^\.B (\w+)$", commands, re.MULTILINE)) == sorted(cli.list_commands(click.Context(cli)))
