@@ -80,18 +80,21 @@ def certify(
 
 def certify_first(
     problem: Problem, seconds: float = SECONDS, tolerance: float = ACCEPTED
-) -> tuple[Solution | None, Certificate]:
-    """Return the first verified answer that is proved or enclosed, with its certificate; without a verified answer, or
-    where the first is stationary in a program that has no least value, the proof that there is no solution; else the
-    first answer. `seconds` : limit of the search at each answer [s].
+) -> tuple[Solution | Point | None, Certificate]:
+    """Return the first answer that is proved or enclosed, with its certificate, or else the exact solution near one,
+    rounded; without a verified answer, or where the first is stationary in a program that has no least value, the proof
+    that there is no solution; else the first answer. `seconds` : limit of the search at each answer [s].
 
     Raises CpbenchError where no solver has an answer.
     """
     require_flint()
+    from cpbench_lab.certificates.certify import certify as certified
+    from cpbench_lab.certificates.mixed import point_of_mixed
     from cpbench_lab.certificates.no_solution import without_solution
 
     first: tuple[Solution, Certificate] | None = None
-    for solution in verified_answers(problem):
+    given = _answer(problem, None, TOLERANCE, SOLVE_SECONDS)
+    for solution in verified_answers(problem, given):
         if first is None and "stationary" in solution.verdict.flags:
             none = without_solution(problem, seconds, tolerance)
             if none is not None:
@@ -99,19 +102,28 @@ def certify_first(
         result = solution, certify(problem, solution, seconds=seconds, tolerance=tolerance)
         if result[1] or result[1].level == "stationary":
             return result
+        exact = result[1].exact
+        if exact is not None:
+            rounded = point_of_mixed(problem, exact)
+            certificate = certified(problem, rounded, seconds, tolerance)
+            if certificate or certificate.level == "stationary":
+                return rounded, certificate
         first = first or result
-    if first is not None:
+    if first is not None and _verified(first[0]):
         return first
     none = without_solution(problem, seconds, tolerance)
     if none is not None:
         return None, none
+    if first is not None:
+        return first
     given = solve(problem, tolerance=TOLERANCE)
     return given, certify(problem, given, seconds=seconds, tolerance=tolerance)
 
 
-def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
-    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 and 1e-10, then by one solver a method; none of a
-    problem that the first solve proves to have no solution.
+def verified_answers(problem: Problem, given: Solution | None, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
+    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 (`given`) and 1e-10, then by one solver a method;
+    before them the given one where it does not: an exact solution may be near it. None of a problem that the first
+    solve proves to have no solution.
 
     Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
     which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `seconds` :
@@ -119,9 +131,10 @@ def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterat
     """
     from cpbench.solvers.base import solvers
 
-    given = _answer(problem, None, TOLERANCE, seconds)
     if given is not None and given.status in PROVEN:
         return
+    if given is not None and given.point is not None and given.point.finite and not _verified(given):
+        yield given
     first = _verified(given) or _verified(_answer(problem, None, ACCEPTED, seconds))
     if first is not None:
         yield first

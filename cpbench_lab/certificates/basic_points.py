@@ -15,7 +15,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, blocks, over_one, rational, regular_part, solve
 from cpbench_lab.certificates.mixed import Mixed
-from cpbench_lab.certificates.refinement import refined
+from cpbench_lab.certificates.refinement import independent, refined
 
 LARGEST = 1200
 """Unknowns of the largest system that FLINT solves: half a minute."""
@@ -54,9 +54,9 @@ def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: 
     basic = np.flatnonzero(states == BASIC).astype(np.int64)
     x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
     if basic.size > MANY:
-        part = refined(sp.csr_array(P.K[basic][:, basic]), sides(P, K, basic, x), deadline)
-        if part is not None:
-            return _with(held, x, basic, basic, part)
+        result = _of_independent(P, K, held, basic, near, deadline)
+        if result is not None:
+            return result
     rows: list[Index] = []
     columns: list[Index] = []
     for own_rows, own_columns in blocks(P.K, basic):
@@ -79,6 +79,19 @@ def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: 
     none = np.zeros(0, dtype=np.int64)
     ends = np.cumsum([part.size for part in rows], dtype=np.int64)
     return ExactPoint(Support(held, np.concatenate([none, *rows]), np.concatenate([none, *columns]), ends), x)
+
+
+def _of_independent(
+    P: Mixed, K: ExactRows, held: Vector, basic: Index, near: Vector, deadline: float
+) -> ExactPoint | None:
+    """Return the exact point of a large system at once; unknowns that the others leave open are held near `near`. None
+    where doubles do not tell its digits."""
+    some = basic[independent(sp.csr_array(P.K[basic][:, basic]))]
+    rest, held = np.setdiff1d(basic, some), held.copy()
+    held[rest] = np.clip(near[rest], P.lo[rest], P.hi[rest])
+    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    part = refined(sp.csr_array(P.K[some][:, some]), sides(P, K, some, x), deadline)
+    return None if part is None else _with(held, x, some, some, part)
 
 
 def solved_exactly(

@@ -72,6 +72,7 @@ class Certificate:
     value_low, value_high : doubles around ½zᵀQz + pᵀz at the exact point of a quadratic program, without the constant
         that a file may have; where the program is `convex` its least value is between them. NaN of others.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
+    exact : of a polyhedral problem the exact solution that is known, rounded, as x of `mixed`; it is not in the file.
     """
 
     node: str
@@ -89,6 +90,7 @@ class Certificate:
     convex: str = ""
     value_low: float = float("nan")
     value_high: float = float("nan")
+    exact: Vector | None = None
 
     def __bool__(self) -> bool:
         return self.level in (ENCLOSED, PROVED, INFEASIBLE, UNBOUNDED)

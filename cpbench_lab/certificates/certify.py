@@ -138,7 +138,8 @@ def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificat
         return replace(plain, reason=found.reason)
     evidence = {**plain.evidence, **vars(found.support)}
     unique = unique or (ENUMERATION if plain.solutions == 1 else "")
-    plain = replace(plain, level=PROVED, distance=distance, unique=unique, evidence=evidence)
+    exact = np.array([nearest(value) for value in found.x])
+    plain = replace(plain, level=PROVED, distance=distance, unique=unique, evidence=evidence, exact=exact)
     if not isinstance(problem, QP):
         return plain
     Q = sp.csr_array(P.K[:size][:, :size])

@@ -66,6 +66,17 @@ def mixed(problem: Problem, point: Any) -> tuple[Mixed, Vector] | None:
     return _contact(law, point) if law.dimension == 2 or not law.mu.any() else None
 
 
+def point_of_mixed(problem: Any, x: Vector) -> Any:
+    """Return x of this form as a point of the problem, none of a contact problem; multipliers of bounds of a program
+    are what is left of its gradient."""
+    if problem.node != "qp":
+        return problem.point_from_vector(x)
+    n, m = problem.p.size, problem.b.size
+    z, lam, mu = x[:n], x[n : n + m], x[n + m :]
+    nu = problem.Q @ z + problem.p - problem.A.T @ lam - problem.C.T @ mu
+    return problem.point_type(z=z, lam=lam, mu=mu, nu=nu)
+
+
 @POLYHEDRAL.of("lcp")
 def _lcp(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     n = problem.q.size

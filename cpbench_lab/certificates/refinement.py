@@ -18,7 +18,7 @@ from flint import fmpq, fmpz
 
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import Sparse
-from cpbench_lab.certificates.exact_rows import ExactRows, over_one
+from cpbench_lab.certificates.exact_rows import ExactRows, Index, over_one
 
 STEP, LEAST = 44, 4
 """Binary digits that a step takes from doubles, and those that it must gain, or the factors are not good for it."""
@@ -28,6 +28,8 @@ FIRST = 256
 """Binary digits at which a common denominator is looked for at first."""
 TOGETHER = 32
 """Steps whose digits are put together before they are put to the long numbers of all before."""
+CHANGE = 1e-10
+"""Of the diagonal, over the largest entries of rows and columns, by which dependent unknowns are told."""
 DENSE = 200_000
 """Entries of the largest matrix: of a dense one FLINT has the digits sooner."""
 
@@ -40,10 +42,8 @@ def refined(A: Sparse, right: Sequence[Any], deadline: float) -> list[Any] | Non
     """
     if A.nnz > DENSE or not A.nnz or (np.diff(A.indptr) == 0).any():
         return None
-    rows = np.ldexp(1.0, -np.frexp(abs(A).max(axis=1).toarray().ravel())[1])
-    scaled: Any = sp.diags_array(rows) @ A
-    columns = np.ldexp(1.0, -np.frexp(abs(scaled).max(axis=0).toarray().ravel())[1])
-    factors = sparse_lu(sp.csc_array(scaled @ sp.diags_array(columns))) if np.isfinite(columns).all() else None
+    scaled, rows, columns = _scaled(A)
+    factors = sparse_lu(scaled) if np.isfinite(scaled.data).all() else None
     if factors is None:
         return None
     exact, (numerators, common) = ExactRows.of(A), over_one(right)
@@ -75,6 +75,30 @@ def refined(A: Sparse, right: Sequence[Any], deadline: float) -> list[Any] | Non
         if count % TOGETHER == 0:
             x, late, since = x * (1 << since) + late, late * 0, 0
     return None
+
+
+def independent(A: Sparse) -> Index:
+    """Return which unknowns of a square system are not determined by the others, as far as doubles tell: those whose
+    pivot is no less than a small change of the diagonal makes it. Of a matrix with M + Mᵀ semidefinite, as those of
+    convex programs are, the rows of the same numbers are independent, too."""
+    n = A.shape[0]
+    scaled, _, _ = _scaled(A)
+    if not n or A.nnz > DENSE or not np.isfinite(scaled.data).all():
+        return np.arange(n)
+    rng = np.random.default_rng(0)
+    change = CHANGE * rng.uniform(1.0, 2.0, n) * rng.choice([-1.0, 1.0], n)
+    factors = sparse_lu(sp.csc_array(scaled + sp.diags_array(change)))
+    if factors is None:
+        return np.arange(n)
+    return np.flatnonzero(np.abs(factors.U.diagonal())[factors.perm_c] > CHANGE**0.75)
+
+
+def _scaled(A: Sparse) -> tuple[Any, Any, Any]:
+    """Return A with rows and columns of like sizes, and the powers of two by which they were multiplied."""
+    rows = np.ldexp(1.0, -np.frexp(abs(A).max(axis=1).toarray().ravel())[1])
+    scaled: Any = sp.diags_array(rows) @ A
+    columns = np.ldexp(1.0, -np.frexp(abs(scaled).max(axis=0).toarray().ravel())[1])
+    return sp.csc_array(scaled @ sp.diags_array(columns)), rows, columns
 
 
 def over_common_denominator(x: list[Any], places: int, doubt: int) -> tuple[list[Any], Any] | None:
