@@ -26,8 +26,6 @@ DOUBT = 16
 """Binary digits by which an approximation is worse than its last one, and a denominator shorter than it may be."""
 FIRST = 256
 """Binary digits at which a common denominator is looked for at first."""
-TOGETHER = 32
-"""Steps whose digits are put together before they are put to the long numbers of all before."""
 CHANGE = 1e-10
 """Of the diagonal, over the largest entries of rows and columns, by which dependent unknowns are told."""
 DENSE = 200_000
@@ -51,9 +49,8 @@ def refined(A: Sparse, right: Sequence[Any], deadline: float) -> list[Any] | Non
     entries: Any = np.array([v << k for row, k in zip(exact.values, raised, strict=True) for v in row], dtype=object)
     residual: Any = np.array([int(b) << k for b, k in zip(numerators, lowered, strict=True)], dtype=object)
     units = rows * np.ldexp(1.0, np.minimum(exact.exponents, 0))
-    x: Any = residual * 0
-    late, since, places, wanted, known = x, 0, 0, FIRST, -(10**9)
-    for count in range(1, 10**9):
+    digits, places, wanted, known = list[tuple[Any, int]](), 0, FIRST, -(10**9)
+    while True:
         try:
             z = columns * factors.solve(units * residual.astype(np.float64))
         except OverflowError:  # numbers beyond all doubles
@@ -63,7 +60,10 @@ def refined(A: Sparse, right: Sequence[Any], deadline: float) -> list[Any] | Non
             return None
         known = places - top
         if known >= wanted or not z.any():
-            x, late, since = x * (1 << since) + late, late * 0, 0
+            x: Any = residual * 0
+            for part, width in digits:
+                x = x * (1 << width) + part
+            digits = [(x, places)]
             whole = over_common_denominator([fmpz(v) for v in x], places, max(top, 0) + DOUBT)
             if whole is not None:
                 return [fmpq(v, common * whole[1]) for v in whole[0]]
@@ -71,10 +71,17 @@ def refined(A: Sparse, right: Sequence[Any], deadline: float) -> list[Any] | Non
         more, less = max(STEP - top, 0), max(top - STEP, 0)
         step = np.rint(np.ldexp(z, more - less)).astype(np.int64).astype(object) * (1 << less)
         residual = residual * (1 << more) - np.add.reduceat(entries * step[A.indices], A.indptr[:-1])
-        late, since, places = late * (1 << more) + step, since + more, places + more
-        if count % TOGETHER == 0:
-            x, late, since = x * (1 << since) + late, late * 0, 0
-    return None
+        places += more
+        _put(digits, step, more)
+
+
+def _put(digits: list[tuple[Any, int]], later: Any, places: int) -> None:
+    """Put digits behind others: those that are no longer than what comes become one with it, so that long numbers are
+    seldom touched."""
+    while digits and digits[-1][1] <= places:
+        before, more = digits.pop()
+        later, places = before * (1 << places) + later, places + more
+    digits.append((later, places))
 
 
 def independent(A: Sparse) -> Index:
