@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,35 +84,35 @@ def certify_first(
 ) -> tuple[Solution | Point | None, Certificate]:
     """Return the first answer that is proved or enclosed, with its certificate, or else the exact solution near one,
     rounded; without a verified answer, or where the first is stationary in a program that has no least value, the proof
-    that there is no solution; else the first answer. `seconds` : limit of the search at each answer [s].
+    that there is no solution; else the first answer. `seconds` : limit of all searches together [s].
 
     Raises CpbenchError where no solver has an answer.
     """
     require_flint()
-    from cpbench_lab.certificates.certify import certify as certified
-    from cpbench_lab.certificates.mixed import point_of_mixed
+    from cpbench_lab.certificates.certify import at_solution
+    from cpbench_lab.certificates.mixed import POLYHEDRAL
     from cpbench_lab.certificates.no_solution import without_solution
 
+    deadline = time.perf_counter() + seconds
     first: tuple[Solution, Certificate] | None = None
-    given = _answer(problem, None, TOLERANCE, SOLVE_SECONDS)
+    given = _answer(problem, None, TOLERANCE, min(seconds, SOLVE_SECONDS))
     for solution in verified_answers(problem, given):
+        left = deadline - time.perf_counter()
+        if first is not None and left < 0.0:
+            break
         if first is None and "stationary" in solution.verdict.flags:
-            none = without_solution(problem, seconds, tolerance)
+            none = without_solution(problem, left, tolerance)
             if none is not None:
                 return solution, none
-        result = solution, certify(problem, solution, seconds=seconds, tolerance=tolerance)
-        if result[1] or result[1].level == "stationary":
-            return result
-        exact = result[1].exact
-        if exact is not None:
-            rounded = point_of_mixed(problem, exact)
-            certificate = certified(problem, rounded, seconds, tolerance)
-            if certificate or certificate.level == "stationary":
-                return rounded, certificate
-        first = first or result
+        certificate = certify(problem, solution, seconds=left, tolerance=tolerance)
+        if certificate or certificate.level == "stationary":
+            return solution, certificate
+        if certificate.exact is not None and problem.node in POLYHEDRAL:
+            return at_solution(problem, certificate)
+        first = first or (solution, certificate)
     if first is not None and _verified(first[0]):
         return first
-    none = without_solution(problem, seconds, tolerance)
+    none = without_solution(problem, max(deadline - time.perf_counter(), 1.0), tolerance)
     if none is not None:
         return None, none
     if first is not None:

@@ -17,7 +17,7 @@ Beside it stands the problem with the answer as its `/solution`, as in an answer
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -72,7 +72,7 @@ class Certificate:
     value_low, value_high : doubles around ½zᵀQz + pᵀz at the exact point of a quadratic program, without the constant
         that a file may have; where the program is `convex` its least value is between them. NaN of others.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
-    exact : of a polyhedral problem the exact solution that is known, rounded, as x of `mixed`; it is not in the file.
+    exact : of a polyhedral problem the exact solution that is known, as x of `mixed`; it is not in the file.
     """
 
     node: str
@@ -90,7 +90,7 @@ class Certificate:
     convex: str = ""
     value_low: float = float("nan")
     value_high: float = float("nan")
-    exact: Vector | None = None
+    exact: Sequence[Any] | None = None
 
     def __bool__(self) -> bool:
         return self.level in (ENCLOSED, PROVED, INFEASIBLE, UNBOUNDED)

@@ -37,7 +37,7 @@ from cpbench_lab.certificates.contact_boxes import enclose_contacts
 from cpbench_lab.certificates.exact_points import rounded, solves_contacts
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest, over_one, rational
 from cpbench_lab.certificates.krawczyk import balls, digits, up
-from cpbench_lab.certificates.mixed import CONTACTS, POLYHEDRAL, Mixed, mixed
+from cpbench_lab.certificates.mixed import CONTACTS, POLYHEDRAL, Mixed, mixed, point_of_mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
 from cpbench_lab.certificates.uniqueness import convexity, uniqueness
 
@@ -56,14 +56,29 @@ def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: floa
     plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer, tolerance=tolerance)
     with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
         found = _certified(problem, point, plain, seconds)
-    level = found.level
-    # of rows z alone is compared: its multipliers may be many, and wrong ones are seen by the error
-    off = problem.node in ("qp", "avi") and point.finite and error_of(problem, point).error > tolerance
-    if level in (PROVED, ENCLOSED) and (found.distance > tolerance or off):
-        level = DISTANT
-    if level == PROVED and isinstance(problem, QP) and not found.unique and not problem.convex:
-        level = STATIONARY
-    return replace(found, level=level, seconds=time.perf_counter() - began)
+    return replace(found, level=_level(problem, point, found), seconds=time.perf_counter() - began)
+
+
+def at_solution(problem: Problem, known: Certificate) -> tuple[Any, Certificate]:
+    """Return the exact solution that a certificate of a polyhedral problem knows, rounded, with the same proof."""
+    exact: Any = known.exact
+    point = point_of_mixed(problem, np.array([nearest(value) for value in exact]))
+    form = mixed(problem, point)
+    assert form is not None
+    distance = _distance(form[0], _compared(problem, point), exact)
+    found = replace(known, level=PROVED, answer=point.vector, distance=distance)
+    return point, replace(found, level=_level(problem, point, found))
+
+
+def _level(problem: Problem, point: Any, found: Certificate) -> str:
+    """Return the level of an answer by its distance; of rows z alone is compared, since multipliers may be many, and
+    wrong ones are seen by the error."""
+    off = problem.node in ("qp", "avi") and point.finite and error_of(problem, point).error > found.tolerance
+    if found.level in (PROVED, ENCLOSED) and (found.distance > found.tolerance or off):
+        return DISTANT
+    if found.level == PROVED and isinstance(problem, QP) and not (found.unique or found.convex or problem.convex):
+        return STATIONARY
+    return found.level
 
 
 def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float) -> Certificate:
@@ -138,8 +153,7 @@ def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificat
         return replace(plain, reason=found.reason)
     evidence = {**plain.evidence, **vars(found.support)}
     unique = unique or (ENUMERATION if plain.solutions == 1 else "")
-    exact = np.array([nearest(value) for value in found.x])
-    plain = replace(plain, level=PROVED, distance=distance, unique=unique, evidence=evidence, exact=exact)
+    plain = replace(plain, level=PROVED, distance=distance, unique=unique, evidence=evidence, exact=found.x)
     if not isinstance(problem, QP):
         return plain
     Q = sp.csr_array(P.K[:size][:, :size])
