@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -101,7 +102,9 @@ def solved_exactly(
     system is singular, or is large and near to that."""
     right = sides(P, K, rows, x)
     part = refined(sp.csr_array(P.K[rows][:, columns]), right, deadline) if rows.size > MANY else None
-    return solve(K, rows, columns, right) if part is None and rows.size <= LARGEST else part
+    if part is None and rows.size <= LARGEST and time.perf_counter() < deadline:
+        return solve(K, rows, columns, right)
+    return part
 
 
 def system_point(P: Mixed, K: ExactRows, held: Vector, rows: Index, columns: Index, deadline: float) -> ExactPoint:

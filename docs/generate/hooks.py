@@ -10,6 +10,7 @@ import difficulty_page
 import engine_laws_page
 import interface_page
 import motion_page
+import optima_page
 import registry_pages
 import reproductions_page
 import schema_page
@@ -29,6 +30,7 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "methods/tolerances.md": tolerance_page.page,
     "methods/engine-laws.md": engine_laws_page.page,
     "methods/motion.md": motion_page.page,
+    "methods/optima.md": optima_page.page,
     "methods/reproductions.md": reproductions_page.page,
     "methods/difficulty.md": difficulty_page.page,
     "decisions/index.md": decision_index.page,
