@@ -42,8 +42,8 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def disproved(table: pd.DataFrame) -> pd.Series:
-    """Return whether a proof says that no solution is where the answer is, because all are elsewhere or there is none; or
-    the answer has numbers that are not finite."""
+    """Return whether a proof says that no solution is where the answer is, because all are elsewhere or there is none,
+    or the answer has numbers that are not finite."""
     excluded = table["certificate"].str.contains("there is no solution|is not finite")
     only = table["certificate"].str.contains("unique|all listed")
     elsewhere = only & (table["distance"] > AWAY * table["tolerance"])

@@ -17,18 +17,18 @@ INTRODUCTION = """# Proved optima
 
 {answer}
 
-Solutions are read off an answer and proved in rational arithmetic, of the numbers in the files as they are: the value of a
-quadratic program lies between two neighbouring doubles (twelve digits are shown). *Proved*: an exact solution is known;
-*enclosed*: a box provably holds one; *stationary*: only the conditions of first order are proved, of a program that is
-not convex; *open*: none of these, and the table says why. A program is convex *exactly* where its matrix is shown to be
-positive semidefinite in rational arithmetic, else to rounding. `only` : the solution is the only one, by the fact in
-brackets."""
+Solutions are read off an answer and proved in rational arithmetic, of the numbers in the files as they are: the value
+of a quadratic program lies between two neighbouring doubles (twelve digits are shown). *Proved*: an exact solution is
+known; *enclosed*: a box provably holds one; *stationary*: only the conditions of first order are proved, of a program
+that is not convex; *open*: none of these, and the table says why. A program is convex *exactly* where its matrix is
+shown to be positive semidefinite in rational arithmetic, else to rounding. "only": the solution is the only one, by
+the fact in brackets."""
 REPEAT = """## How to repeat it
 
 `cpbench certify --all FOLDER -o OPTIMA --published published.csv` makes the table of the problems in a folder, with a
-certificate each, and goes on where it was interrupted. `python cpbench_lab/certificates/checker OPTIMA/certificates/*.h5`,
-which imports nothing of cpbench, proves them again. The files belong to others, and are not here: [the sources](../guides/runs.md)
-are the sets of Maros and Mészáros, of MPC, CUTEst, Siconos and FCLIB, as of the commits that their manifests name."""
+certificate each, and goes on where it was interrupted. `python cpbench_lab/certificates/checker FILE...` proves
+certificates again, and imports nothing of cpbench. The files of the problems belong to others and are not here: the
+sets of Maros and Mészáros, of MPC, CUTEst, Siconos and FCLIB."""
 
 
 def page() -> str:
@@ -59,8 +59,8 @@ def _published(rows: Sequence[dict[str, str]]) -> str:
     compared = [row for row in rows if row["off"]]
     off = sorted((row for row in compared if float(row["off"]) > 1), key=lambda row: -float(row["off"]))
     told = (
-        f"## Published values that differ\n\nOf {len(compared)} optimal values in the table of Maros and Mészáros (by BPMPD) "
-        f"{len(compared) - len(off)} are right to their last digit or one unit of it; these are not:"
+        f"## Published values that differ\n\nOf {len(compared)} optimal values in the table of Maros and Mészáros (by "
+        f"BPMPD) {len(compared) - len(off)} are right to their last digit or one unit of it; these are not:"
     )
     cells = (
         (
