@@ -95,8 +95,8 @@ def certify_first(
 
     deadline = time.perf_counter() + seconds
     first: tuple[Solution, Certificate] | None = None
-    given = _answer(problem, None, TOLERANCE, min(seconds, SOLVE_SECONDS))
-    for solution in verified_answers(problem, given):
+    given = _answer(problem, None, TOLERANCE, deadline)
+    for solution in verified_answers(problem, given, deadline):
         left = deadline - time.perf_counter()
         if first is not None and left < 0.0:
             break
@@ -121,14 +121,14 @@ def certify_first(
     return given, certify(problem, given, seconds=seconds, tolerance=tolerance)
 
 
-def verified_answers(problem: Problem, given: Solution | None, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
+def verified_answers(problem: Problem, given: Solution | None, deadline: float) -> Iterator[Solution]:
     """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 (`given`) and 1e-10, then by one solver a method;
     before them the given one where it does not: an exact solution may be near it. None of a problem that the first
     solve proves to have no solution.
 
     Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
-    which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `seconds` :
-    limit of each solve [s].
+    which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `deadline` :
+    of `time.perf_counter` [s].
     """
     from cpbench.solvers.base import solvers
 
@@ -136,10 +136,10 @@ def verified_answers(problem: Problem, given: Solution | None, seconds: float = 
         return
     if given is not None and given.point is not None and given.point.finite and not _verified(given):
         yield given
-    first = _verified(given) or _verified(_answer(problem, None, ACCEPTED, seconds))
+    first = _verified(given) or _verified(_answer(problem, None, ACCEPTED, deadline))
     if first is not None:
         yield first
-    finer = _verified(_answer(problem, None, FINER, seconds))
+    finer = _verified(_answer(problem, None, FINER, deadline))
     if finer is not None:
         yield finer
     node = solvers.get(first.solver).spec.node if first is not None else problem.node
@@ -149,12 +149,15 @@ def verified_answers(problem: Problem, given: Solution | None, seconds: float = 
         if spec.node == node and spec.by_default and spec.kind.exact and solver.availability().ok:
             one.setdefault(spec.method, spec.name)
     for method in sorted(one, key=lambda m: METHODS.index(m) if m in METHODS else len(METHODS)):
-        found = _verified(_answer(problem, one[method], FINER, seconds))
+        found = _verified(_answer(problem, one[method], FINER, deadline))
         if found is not None and (first is None or found.solver != first.solver):
             yield found
 
 
-def _answer(problem: Problem, solver: str | None, tolerance: float, seconds: float) -> Solution | None:
+def _answer(problem: Problem, solver: str | None, tolerance: float, deadline: float) -> Solution | None:
+    seconds = min(SOLVE_SECONDS, deadline - time.perf_counter())
+    if seconds <= 0.0:
+        return None
     try:
         return solve(problem, solver, tolerance=tolerance, seconds=seconds)
     except CpbenchError:
