@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -139,9 +140,16 @@ def _looked_at(address: str, certificates: Path, seconds: float, tolerance: floa
 def _of_file(problem: Problem, low: float, high: float) -> tuple[float, float]:
     """Return doubles around the value with the constant and the sense of the problem's file."""
     constant = offset(problem.info)
-    if constant:
-        low, high = math.nextafter(low + constant, -math.inf), math.nextafter(high + constant, math.inf)
+    if math.isfinite(low) and math.isfinite(high):
+        low, high = _sum(low, constant, -math.inf), _sum(high, constant, math.inf)
     return (-high, -low) if problem.info.properties.get(SENSE) == "max" else (low, high)
+
+
+def _sum(value: float, constant: float, side: float) -> float:
+    """Return value + constant, on this side of it where it is no double."""
+    total = value + constant
+    whole = Fraction(total) == Fraction(value) + Fraction(constant)
+    return total if whole else math.nextafter(total, side)
 
 
 def _beside(row: Row, published: str) -> Row:
