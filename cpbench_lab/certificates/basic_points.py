@@ -20,6 +20,8 @@ from cpbench_lab.certificates.refinement import independent, refined
 
 LARGEST = 1200
 """Unknowns of the largest system that FLINT solves: half a minute."""
+BLOCKS = 5000
+"""Unknowns of the largest system that is taken apart into blocks: SciPy's matching may take minutes beyond."""
 MANY = 200
 """Unknowns from which factors in doubles are tried first."""
 
@@ -56,8 +58,8 @@ def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: 
     x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
     if basic.size > MANY:
         result = _of_independent(P, K, held, basic, near, deadline)
-        if result is not None:
-            return result
+        if result is not None or basic.size > BLOCKS:
+            return result or ExactPoint(None, [], too_large(basic.size))
     rows: list[Index] = []
     columns: list[Index] = []
     for own_rows, own_columns in blocks(P.K, basic):

@@ -103,6 +103,8 @@ def _basis(P: Mixed, states: States, near: Vector, seconds: float) -> tuple[Vect
     """Return what unknowns are held at, NaN where they are basic; the rows that are 0; and the basic unknowns."""
     import highspy
 
+    if seconds <= 0.0:  # to HiGHS no limit at all
+        return None
     unit, span = _units(P, near)
     unsure = (np.abs(states) == UNSURE) & (P.lo < P.hi)
     states = np.clip(states, LOWER, UPPER)
