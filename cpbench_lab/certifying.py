@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -86,45 +87,54 @@ def certify_first(
     rounded; without a verified answer, or where the first is stationary in a program that has no least value, the proof
     that there is no solution; else the first answer. `seconds` : limit of all searches together [s].
 
+    Of polyhedral problems the active set of each answer is tried as it is, before any is changed by pivots.
+
     Raises CpbenchError where no solver has an answer.
     """
     require_flint()
     from cpbench_lab.certificates.certify import at_solution
+    from cpbench_lab.certificates.certify import certify as certified
     from cpbench_lab.certificates.mixed import POLYHEDRAL
     from cpbench_lab.certificates.no_solution import without_solution
 
-    deadline = time.perf_counter() + seconds
+    deadline, polyhedral = time.perf_counter() + seconds, problem.node in POLYHEDRAL
+
+    def left() -> float:
+        return max(deadline - time.perf_counter(), 1.0)
+
+    answers = list[Solution]()
     first: tuple[Solution, Certificate] | None = None
-    given = _answer(problem, None, TOLERANCE, deadline)
-    for solution in verified_answers(problem, given, deadline):
-        left = deadline - time.perf_counter()
-        if first is not None and left < 0.0:
-            break
-        if first is None and "stationary" in solution.verdict.flags:
-            none = without_solution(problem, left, tolerance)
-            if none is not None:
-                return solution, none
-        certificate = certify(problem, solution, seconds=left, tolerance=tolerance)
-        if certificate or certificate.level == "stationary":
-            return solution, certificate
-        if certificate.exact is not None and problem.node in POLYHEDRAL:
-            return at_solution(problem, certificate)
-        first = first or (solution, certificate)
-    if first is not None and _verified(first[0]):
-        return first
-    none = without_solution(problem, max(deadline - time.perf_counter(), 1.0), tolerance)
-    if none is not None:
-        return None, none
+    for pivots in (False, True) if polyhedral else (True,):
+        for solution in answers if answers else _answers(problem, deadline):
+            if first is not None and time.perf_counter() > deadline:
+                break
+            if not pivots:
+                answers.append(solution)
+            elif not _verified(solution):
+                continue
+            if not first and "stationary" in solution.verdict.flags:
+                none = without_solution(problem, left(), tolerance)
+                if none is not None:
+                    return solution, none
+            certificate = certified(problem, point_of(problem, solution), left(), tolerance, pivots=pivots)
+            if certificate or certificate.level == "stationary":
+                return solution, certificate
+            if certificate.exact is not None and polyhedral:
+                return at_solution(problem, certificate)
+            if _verified(solution):
+                first = first or (solution, certificate)
     if first is not None:
         return first
+    none = without_solution(problem, left(), tolerance)
+    if none is not None:
+        return None, none
     given = solve(problem, tolerance=TOLERANCE)
     return given, certify(problem, given, seconds=seconds, tolerance=tolerance)
 
 
-def verified_answers(problem: Problem, given: Solution | None, deadline: float) -> Iterator[Solution]:
-    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 (`given`) and 1e-10, then by one solver a method;
-    before them the given one where it does not: an exact solution may be near it. None of a problem that the first
-    solve proves to have no solution.
+def _answers(problem: Problem, deadline: float) -> Iterator[Solution]:
+    """Yield answers by the automatic choice, at 1e-8, 1e-6 and 1e-10, then by each solver; none of a problem that the
+    first solve proves to have no solution.
 
     Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
     which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `deadline` :
@@ -132,26 +142,18 @@ def verified_answers(problem: Problem, given: Solution | None, deadline: float) 
     """
     from cpbench.solvers.base import solvers
 
+    given = _answer(problem, None, TOLERANCE, deadline)
     if given is not None and given.status in PROVEN:
         return
-    if given is not None and given.point is not None and given.point.finite and not _verified(given):
-        yield given
-    first = _verified(given) or _verified(_answer(problem, None, ACCEPTED, deadline))
-    if first is not None:
-        yield first
-    finer = _verified(_answer(problem, None, FINER, deadline))
-    if finer is not None:
-        yield finer
-    node = solvers.get(first.solver).spec.node if first is not None else problem.node
-    one: dict[str, str] = {}
-    for solver in solvers:
-        spec = solver.spec
-        if spec.node == node and spec.by_default and spec.kind.exact and solver.availability().ok:
-            one.setdefault(spec.method, spec.name)
-    for method in sorted(one, key=lambda m: METHODS.index(m) if m in METHODS else len(METHODS)):
-        found = _verified(_answer(problem, one[method], FINER, deadline))
-        if found is not None and (first is None or found.solver != first.solver):
-            yield found
+    names: list[tuple[str | None, float]] = [(None, FINER)] if _verified(given) else [(None, ACCEPTED), (None, FINER)]
+    node = problem.node if given is None or given.solver not in solvers else solvers.get(given.solver).spec.node
+    specs = [solver.spec for solver in solvers if solver.spec.node == node and solver.availability().ok]
+    exact = [spec for spec in specs if spec.by_default and spec.kind.exact]
+    exact.sort(key=lambda spec: METHODS.index(spec.method) if spec.method in METHODS else len(METHODS))
+    asked = (*names, *((spec.name, FINER) for spec in exact))
+    for answer in itertools.chain([given], (_answer(problem, *one, deadline) for one in asked)):
+        if answer is not None and answer.point is not None and answer.point.finite:
+            yield answer
 
 
 def _answer(problem: Problem, solver: str | None, tolerance: float, deadline: float) -> Solution | None:

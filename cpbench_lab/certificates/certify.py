@@ -45,8 +45,11 @@ ENUMERATION = "enumeration"
 """The fact that makes a solution unique where all bases were looked at."""
 
 
-def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: float = TOLERANCE) -> Certificate:
-    """Look for a proof that a solution is within `tolerance` of the answer, for about so many seconds.
+def certify(
+    problem: Problem, point: Any, seconds: float = 60.0, tolerance: float = TOLERANCE, *, pivots: bool = True
+) -> Certificate:
+    """Look for a proof that a solution is within `tolerance` of the answer, for about so many seconds; without `pivots`
+    of a polyhedral problem at the active sets that doubles show alone.
 
     Raises PointError when the point is not an answer to the problem.
     """
@@ -55,7 +58,7 @@ def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: floa
     answer = point.vector
     plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer, tolerance=tolerance)
     with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
-        found = _certified(problem, point, plain, seconds)
+        found = _certified(problem, point, plain, seconds, pivots)
     return replace(found, level=_level(problem, point, found), seconds=time.perf_counter() - began)
 
 
@@ -81,12 +84,12 @@ def _level(problem: Problem, point: Any, found: Certificate) -> str:
     return found.level
 
 
-def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float) -> Certificate:
+def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float, pivots: bool) -> Certificate:
     if not point.finite:
         return replace(plain, reason="the answer is not finite")
     form = mixed(problem, point)
     if form is not None:
-        return _proved(problem, point, *form, plain, seconds)
+        return _proved(problem, point, *form, plain, seconds, pivots)
     if problem.node in CONTACTS:
         return _contacts(problem, point, plain, seconds)
     P = Bounded.of(problem)
@@ -130,7 +133,9 @@ def _at(plain: Certificate, near: Vector, x: Vector, compared: slice) -> Certifi
     return replace(plain, level=PROVED, distance=distance, evidence={"point": near})
 
 
-def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float) -> Certificate:
+def _proved(
+    problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float, pivots: bool
+) -> Certificate:
     size = P.answer.shape[0]
     unique = ""
     if problem.node in POLYHEDRAL:
@@ -140,7 +145,7 @@ def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificat
         plain = _counted(plain, every)
         if every.count == 0:
             return replace(plain, level=REFUTED)
-    found, answer = polyhedral.prove(P, x, seconds), _compared(problem, point)
+    found, answer = polyhedral.prove(P, x, seconds, pivots=pivots), _compared(problem, point)
     distance = math.inf if found.support is None else _distance(P, answer, found.x)
     if every is not None and every.points:
         near, states = min(every.points, key=lambda own: _distance(P, answer, own[0]))

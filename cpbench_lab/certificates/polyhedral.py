@@ -28,26 +28,27 @@ FEW = 8
 """Unknowns of which all choices of those at their bounds are tried."""
 
 
-def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
-    """Look for an exact solution near x, for about so many seconds."""
+def prove(P: Mixed, x: Vector, seconds: float, *, pivots: bool = True) -> ExactPoint:
+    """Look for an exact solution near x, for about so many seconds; without `pivots` at the active sets that doubles
+    show alone."""
     deadline = time.perf_counter() + seconds
     K, tried, reason = ExactRows.of(P.K), set[bytes](), "no active set was found"
     if not np.isfinite(P.K @ x + P.c).all():
         return ExactPoint(None, [], "sums of its rows are beyond all doubles")
     known = [(states, near) for states, near in candidates(P, x) if np.isfinite(P.K @ near + P.c).all()]
     # each as it is first: what is nearest to the answer is the better proof, and pivots may go far away
-    for changes in (0, ROUNDS + SINGLE):
+    for changes in (0, ROUNDS + SINGLE) if pivots else (0,):
         for states, near in reversed(known) if changes else known:
             result = _pivoted(P, K, states, near, changes, tried, deadline)
             if result.support is not None:
                 return result
             reason = result.reason or reason
-    for _, near in known:
+    for _, near in known if pivots else ():
         result = at_vertex(P, K, near, deadline)
         if result.support is not None:
             return result
         reason = result.reason or reason
-    for states, near in known:
+    for states, near in known if pivots else ():
         result = _of_some(P, K, states, near, deadline)
         if result.support is not None:
             return result
