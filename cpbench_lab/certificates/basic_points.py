@@ -89,7 +89,7 @@ def _of_independent(
 ) -> ExactPoint | None:
     """Return the exact point of a large system at once; unknowns that the others leave open are held near `near`. None
     where doubles do not tell its digits."""
-    some = basic[independent(sp.csr_array(P.K[basic][:, basic]))]
+    some = basic[independent(sp.csr_array(P.K[basic][:, basic]), near[basic])]
     rest, held = np.setdiff1d(basic, some), held.copy()
     held[rest] = np.clip(near[rest], P.lo[rest], P.hi[rest])
     x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from flint import fmpq, fmpz
 
 from cpbench.foundation.factorization import sparse_lu
-from cpbench.foundation.matrices import Sparse
+from cpbench.foundation.matrices import Sparse, Vector
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, over_one
 
 STEP, LEAST = 44, 4
@@ -28,6 +29,8 @@ FIRST = 256
 """Binary digits at which a common denominator is looked for at first."""
 CHANGE = 1e-10
 """Of the diagonal, over the largest entries of rows and columns, by which dependent unknowns are told."""
+ORDERED = 5000
+"""Unknowns of the largest system that is factored in a given order: its factors fill in."""
 DENSE = 200_000
 """Entries of the largest matrix: of a dense one FLINT has the digits sooner."""
 
@@ -84,20 +87,23 @@ def _put(digits: list[tuple[Any, int]], later: Any, places: int) -> None:
     digits.append((later, places))
 
 
-def independent(A: Sparse) -> Index:
-    """Return which unknowns of a square system are not determined by the others, as far as doubles tell: those whose
-    pivot is no less than a small change of the diagonal makes it. Of a matrix with M + Mᵀ semidefinite, as those of
-    convex programs are, the rows of the same numbers are independent, too."""
+def independent(A: Sparse, near: Vector) -> Index:
+    """Return which unknowns of a square system determine the others, as far as doubles tell, the largest at `near`
+    first where the system is small: the others' pivots are no more than a small change of the diagonal makes them. Of a
+    matrix with M + Mᵀ semidefinite, as those of convex programs are, the rows of the same numbers are independent."""
     n = A.shape[0]
     scaled, _, _ = _scaled(A)
     if not n or A.nnz > DENSE or not np.isfinite(scaled.data).all():
         return np.arange(n)
     rng = np.random.default_rng(0)
     change = CHANGE * rng.uniform(1.0, 2.0, n) * rng.choice([-1.0, 1.0], n)
-    factors = sparse_lu(sp.csc_array(scaled + sp.diags_array(change)))
-    if factors is None:
+    order = np.argsort(-np.abs(near), kind="stable") if n <= ORDERED else np.arange(n)
+    changed: Any = sp.csc_matrix((scaled + sp.diags_array(change))[order][:, order])
+    try:
+        factors = spla.splu(changed, permc_spec="NATURAL" if n <= ORDERED else "COLAMD")
+    except RuntimeError:  # exactly singular
         return np.arange(n)
-    return np.flatnonzero(np.abs(factors.U.diagonal())[factors.perm_c] > CHANGE**0.75)
+    return np.sort(order[np.abs(factors.U.diagonal())[factors.perm_c] > CHANGE**0.5])
 
 
 def _scaled(A: Sparse) -> tuple[Any, Any, Any]:
