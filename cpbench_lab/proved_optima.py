@@ -102,7 +102,9 @@ def _read(table: Path) -> dict[str, Row]:
         return {}
     numbers = {"low", "high", "distance", "off", "seconds"}
     texts = [name for name in COLUMNS if name not in numbers]
-    read = pd.read_csv(table, dtype=dict.fromkeys(texts, str)).fillna(dict.fromkeys(texts, ""))
+    read = pd.read_csv(table, dtype=dict.fromkeys(texts, str), float_precision="round_trip").fillna(
+        dict.fromkeys(texts, "")
+    )
     if tuple(read.columns) != COLUMNS:
         raise FormatError(table, "", f"expected the columns {', '.join(COLUMNS)}")
     read["published"] = read["published"].str.removeprefix("'")  # which keeps spreadsheets from reading -1 as a formula

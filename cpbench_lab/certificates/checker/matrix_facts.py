@@ -54,7 +54,7 @@ def semidefinite(M: Any) -> bool:
     """Return whether M is: rows with the largest pivots make a definite block, and nothing is left of the others."""
     require(bool((M == M.T).all()), "Q is not symmetric")
     some, rest = list[int](), M.copy()
-    while (k := int(np.argmax(np.diag(rest)))) not in some and rest[k, k] > 1e-12 * M[k, k]:
+    while (k := int(np.argmax(np.diag(rest)))) not in some and rest[k, k] > 1e-8 * M[k, k]:
         some.append(k)
         rest = rest - np.outer(rest[:, k], rest[k]) / rest[k, k]
     others = [i for i in range(len(M)) if i not in some]
