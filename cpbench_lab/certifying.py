@@ -105,7 +105,7 @@ def certify_first(
     answers = list[Solution]()
     first: tuple[Solution, Certificate] | None = None
     for pivots in (False, True) if polyhedral else (True,):
-        for solution in answers if answers else _answers(problem, deadline):
+        for solution in answers if pivots and polyhedral else _answers(problem, deadline):
             if first is not None and time.perf_counter() > deadline:
                 break
             if not pivots:

@@ -21,10 +21,15 @@ import scipy.sparse as sp
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.registry import NodeTable
 from cpbench.verification.equilibration import equilibrate
 
-ROWS = {"lcp": "n", "fc": "m", "mlcp": "nm", "qp": "nmk", "relay": "n"}
-"""Symbols of the dimensions of rows, by node."""
+ROWS: NodeTable[str] = NodeTable("symbols of rows")
+"""Symbols of the dimensions of rows."""
+ROWS.enter("n", "lcp", "relay")
+ROWS.enter("m", "fc")
+ROWS.enter("nm", "mlcp")
+ROWS.enter("nmk", "qp")
 UNKNOWNS = {"z": "n", "u": "n", "v": "m", "r": "m"}
 """Symbols of the parts of an answer."""
 Units = Mapping[str, Any]

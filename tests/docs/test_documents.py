@@ -75,7 +75,7 @@ def test_commands_and_their_options_exist(page: Path) -> None:
 def test_each_command_has_an_example() -> None:
     """The pages of the commands run them while they are made."""
     examples = tomllib.loads((ROOT / "docs/generate/command_examples.toml").read_text("utf-8"))
-    assert list(examples) == sorted(cli.list_commands(click.Context(cli)))
+    assert list(examples) == cli.list_commands(click.Context(cli))
     for name, example in examples.items():
         assert example["run"].split()[:2] == ["cpbench", name]
         assert_known(example["run"].removeprefix("cpbench "), name)

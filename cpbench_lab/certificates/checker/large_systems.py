@@ -44,10 +44,10 @@ def large_system(A: list[dict[int, float]], b: list[Any]) -> list[Any]:
         sure = places - top
         if sure >= wanted or not z.any():
             D = denominator([fmpz(v) for v in x], places, max(top, 0) + SPARE)
-            if D is not None or not z.any():
-                require(D is not None, "no common denominator was found")
+            if D is not None:
                 half = fmpz(1) << max(places - 1, 0)
                 return [fmpq((fmpz(v) * D + half) >> places, D * common) for v in x]
+            require(bool(z.any()), "no common denominator was found")
             wanted = 2 * sure
         more, less = max(BITS - top, 0), max(top - BITS, 0)
         step = [int(v) << less for v in np.rint(np.ldexp(z, more - less))]
