@@ -127,16 +127,16 @@ def _looked_at(address: str, certificates: Path, seconds: float, tolerance: floa
         }
     row = {**none, "fingerprint": problem.fingerprint, "formulation": problem.node, "unknowns": unknowns(problem)}
     try:
-        found = certify_first(problem, seconds, tolerance)[1]
+        certificate = certify_first(problem, seconds, tolerance)[1]
     except CpbenchError as cause:
         return {**row, "level": "open", "text": str(cause)}
-    row |= {"level": "open", "seconds": round(found.seconds, 2), "text": summary(found)}
-    if found.level not in SETTLED:
+    row |= {"level": "open", "seconds": round(certificate.seconds, 2), "text": summary(certificate)}
+    if certificate.level not in SETTLED:
         return row
-    save_certificate(found, problem, certificates / f"{problem.fingerprint}.h5", force=True)
-    low, high = _of_file(problem, found.value_low, found.value_high)
-    facts = {"convex": found.convex, "unique": found.unique, "distance": found.distance}
-    return row | facts | {"level": found.level, "low": low, "high": high}
+    save_certificate(certificate, problem, certificates / f"{problem.fingerprint}.h5", force=True)
+    low, high = _of_file(problem, certificate.value_low, certificate.value_high)
+    facts = {"convex": certificate.convex, "unique": certificate.unique, "distance": certificate.distance}
+    return row | facts | {"level": certificate.level, "low": low, "high": high}
 
 
 def _of_file(problem: Problem, low: float, high: float) -> tuple[float, float]:

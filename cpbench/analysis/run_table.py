@@ -53,7 +53,7 @@ class RunTable:
 
     @cached_property
     def disturbance(self) -> str:
-        """What may have disturbed the times of the run; '' where nothing is known of it."""
+        """Return what may have disturbed the times of the run; '' where nothing is known of it."""
         return cautions.disturbance(self.rows, self.meta)
 
     @cached_property

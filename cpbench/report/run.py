@@ -131,7 +131,7 @@ class Run:
 
     @cached_property
     def disturbance(self) -> str:
-        """What speaks against the times of the run; '' where nothing does."""
+        """Return what speaks against the times of the run; '' where nothing does."""
         return cautions.disturbance(self.read, self.meta)
 
     @cached_property

@@ -55,7 +55,7 @@ def exact_point(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: 
     """Return the exact point with these states; what is redundant among the basic unknowns is held near `near`."""
     held = at_bounds(P, states)
     basic = np.flatnonzero(states == BASIC).astype(np.int64)
-    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    x = _rationals(held)
     if basic.size > MANY:
         result = _of_independent(P, K, held, basic, near, deadline)
         if result is not None or basic.size > BLOCKS:
@@ -92,7 +92,7 @@ def _of_independent(
     some = basic[independent(sp.csr_array(P.K[basic][:, basic]), near[basic])]
     rest, held = np.setdiff1d(basic, some), held.copy()
     held[rest] = np.clip(near[rest], P.lo[rest], P.hi[rest])
-    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    x = _rationals(held)
     part = refined(sp.csr_array(P.K[some][:, some]), sides(P, K, some, x), deadline)
     return None if part is None else _with(held, x, some, some, part)
 
@@ -111,11 +111,16 @@ def solved_exactly(
 
 def system_point(P: Mixed, K: ExactRows, held: Vector, rows: Index, columns: Index, deadline: float) -> ExactPoint:
     """Return the exact point at which these rows are 0 and the other unknowns are held."""
-    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    x = _rationals(held)
     part = solved_exactly(P, K, rows, columns, x, deadline)
     if part is None:
         return ExactPoint(None, [], too_large(rows.size) if rows.size > LARGEST else "")
     return _with(held, x, rows, columns, part)
+
+
+def _rationals(held: Vector) -> list[Any]:
+    """Return what unknowns are held at, 0 for those that are solved for."""
+    return [rational(0.0 if value != value else value) for value in held.tolist()]
 
 
 def _with(held: Vector, x: list[Any], rows: Index, columns: Index, part: Sequence[Any]) -> ExactPoint:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -69,19 +70,23 @@ def at_solution(problem: Problem, known: Certificate) -> tuple[Any, Certificate]
     form = mixed(problem, point)
     assert form is not None
     distance = _distance(form[0], _compared(problem, point), exact)
-    found = replace(known, level=PROVED, answer=point.vector, distance=distance)
-    return point, replace(found, level=_level(problem, point, found))
+    certificate = replace(known, level=PROVED, answer=point.vector, distance=distance)
+    return point, replace(certificate, level=_level(problem, point, certificate))
 
 
-def _level(problem: Problem, point: Any, found: Certificate) -> str:
+def _level(problem: Problem, point: Any, certificate: Certificate) -> str:
     """Return the level of an answer by its distance; of rows z alone is compared, since multipliers may be many, and
     wrong ones are seen by the error."""
-    off = problem.node in ("qp", "avi") and point.finite and error_of(problem, point).error > found.tolerance
-    if found.level in (PROVED, ENCLOSED) and (found.distance > found.tolerance or off):
+    off = problem.node in ("qp", "avi") and point.finite and error_of(problem, point).error > certificate.tolerance
+    if certificate.level in (PROVED, ENCLOSED) and (certificate.distance > certificate.tolerance or off):
         return DISTANT
-    if found.level == PROVED and isinstance(problem, QP) and not (found.unique or found.convex or problem.convex):
+    if (
+        certificate.level == PROVED
+        and isinstance(problem, QP)
+        and not (certificate.unique or certificate.convex or problem.convex)
+    ):
         return STATIONARY
-    return found.level
+    return certificate.level
 
 
 def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float, pivots: bool) -> Certificate:
@@ -137,9 +142,7 @@ def _proved(
     problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float, pivots: bool
 ) -> Certificate:
     size = P.answer.shape[0]
-    unique = ""
-    if problem.node in POLYHEDRAL:
-        unique = uniqueness(sp.csr_array(P.K[:size][:, :size]), box=size == P.c.size)
+    unique = _unique(problem) if problem.node in POLYHEDRAL else ""
     every, uncounted = None if unique else all_solutions(problem), plain
     if every is not None:
         plain = _counted(plain, every)
@@ -166,6 +169,16 @@ def _proved(
     return replace(plain, convex=unique or convexity(Q), value_low=low, value_high=high)
 
 
+@lru_cache(maxsize=1)
+def _unique(problem: Problem) -> str:
+    """Return the fact that makes a solution unique; of a problem, whose answers are several, it is looked for once."""
+    form = mixed(problem, problem.zero_point())
+    assert form is not None
+    P = form[0]
+    size = P.answer.shape[0]
+    return uniqueness(sp.csr_array(P.K[:size][:, :size]), box=size == P.c.size)
+
+
 def objective_bounds(Q: Sparse, p: Vector, z: Sequence[Any]) -> tuple[float, float]:
     """Return the doubles around ½zᵀQz + pᵀz, equal where it is one; z : (n,) rationals."""
     numerators, common = over_one(z)
@@ -177,10 +190,9 @@ def objective_bounds(Q: Sparse, p: Vector, z: Sequence[Any]) -> tuple[float, flo
     near = nearest(value)
     if rational(near) == value:
         return near, near
-    down, up = (
-        (near, math.nextafter(near, math.inf)) if rational(near) < value else (math.nextafter(near, -math.inf), near)
-    )
-    return down, up
+    if rational(near) < value:
+        return near, math.nextafter(near, math.inf)
+    return math.nextafter(near, -math.inf), near
 
 
 def _counted(plain: Certificate, every: AllSolutions) -> Certificate:

@@ -28,7 +28,7 @@ DOUBT = 16
 FIRST = 256
 """Binary digits at which a common denominator is looked for at first."""
 CHANGE = 1e-10
-"""Of the diagonal, over the largest entries of rows and columns, by which dependent unknowns are told."""
+"""Share of the largest entries of rows and columns by which the diagonal is changed, to tell dependent unknowns."""
 ORDERED = 5000
 """Unknowns of the largest system that is factored in a given order: its factors fill in."""
 DENSE = 200_000

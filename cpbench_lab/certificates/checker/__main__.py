@@ -17,7 +17,7 @@ from no_solutions import no_solution
 from polyhedral_proofs import polyhedral
 
 CHANGED = (OSError, LookupError, ValueError, TypeError, ArithmeticError, RuntimeError, zlib.error)
-"""What reading and proving a file that was changed raises; HDF5's own errors are RuntimeErrors."""
+"""Errors that reading and proving a changed file raises; HDF5's own errors are RuntimeErrors."""
 
 
 def check(path: str) -> str:
