@@ -7,6 +7,7 @@
                    open, unreadable
     low, high      doubles around the objective of a quadratic program at the exact solution, with the constant and the
                    sense of its file
+    bare_low, bare_high  the same of ½zᵀQz + pᵀz alone, which `cpbench run` compares answers with
     convex, unique facts that make it the least value, and the solution the only one; empty where none was found
     distance       of the answer in the certificate from a solution, over the size of that, at most
     published, off a value of others, and its distance from [low, high] in units of its last digit
@@ -38,9 +39,10 @@ from cpbench_lab.certificate_text import summary
 from cpbench_lab.certifying import certify_first, require_flint, save_certificate
 
 COLUMNS = (
-    "problem", "fingerprint", "formulation", "unknowns", "level", "low", "high", "convex", "unique", "distance",
-    "published", "off", "seconds", "text",
+    "problem", "fingerprint", "formulation", "unknowns", "level", "low", "high", "bare_low", "bare_high",
+    "convex", "unique", "distance", "published", "off", "seconds", "text",
 )  # fmt: skip
+VALUES = ("low", "high", "bare_low", "bare_high", "distance")
 SETTLED = ("proved", "enclosed", "stationary", "infeasible", "unbounded")
 """Levels of certificates that say something of the problem; `distant` and `refuted` ones are of an answer."""
 Row: TypeAlias = dict[str, Any]
@@ -100,7 +102,7 @@ def _read(table: Path) -> dict[str, Row]:
     """Return the rows of a table that is there, by problem; raises FormatError where it has other columns."""
     if not table.is_file():
         return {}
-    numbers = {"low", "high", "distance", "off", "seconds"}
+    numbers = {*VALUES, "off", "seconds"}
     texts = [name for name in COLUMNS if name not in numbers]
     read = pd.read_csv(table, dtype=dict.fromkeys(texts, str), float_precision="round_trip").fillna(
         dict.fromkeys(texts, "")
@@ -113,7 +115,7 @@ def _read(table: Path) -> dict[str, Row]:
 
 def _looked_at(address: str, certificates: Path, seconds: float, tolerance: float) -> Row:
     """Return what is proved of a problem, and keep its certificate."""
-    none = dict.fromkeys(("low", "high", "distance"), math.nan) | {"convex": "", "unique": "", "seconds": 0.0}
+    none = dict.fromkeys(VALUES, math.nan) | {"convex": "", "unique": "", "seconds": 0.0}
     try:
         problem = storage.load(address)
     except FormatError as cause:
@@ -134,9 +136,9 @@ def _looked_at(address: str, certificates: Path, seconds: float, tolerance: floa
     if certificate.level not in SETTLED:
         return row
     save_certificate(certificate, problem, certificates / f"{problem.fingerprint}.h5", force=True)
-    low, high = _of_file(problem, certificate.value_low, certificate.value_high)
-    facts = {"convex": certificate.convex, "unique": certificate.unique, "distance": certificate.distance}
-    return row | facts | {"level": certificate.level, "low": low, "high": high}
+    bare = certificate.value_low, certificate.value_high
+    values = dict(zip(VALUES, (*_of_file(problem, *bare), *bare, certificate.distance), strict=True))
+    return row | values | {"level": certificate.level, "convex": certificate.convex, "unique": certificate.unique}
 
 
 def _of_file(problem: Problem, low: float, high: float) -> tuple[float, float]:

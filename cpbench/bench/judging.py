@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import csv
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from cpbench import graph, proofs, verification
 from cpbench.errors import PointError
 from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.formulations.programs import QP
 
 PROOF_SECONDS = 20.0
 """Longest search, in seconds, for a proof that the problem has no solution."""
+OPTIMALITY_GAP = "optimality_gap"
+"""How far the objective of an answer is from the proved optimal value, over the size of that where it is above 1."""
+PACKAGE = Path(__file__).resolve().parents[1]
+TABLES = PACKAGE / "problems/optima.csv", PACKAGE.parent / "reports/optima/table.csv"
+"""Proved optima in an installed package, and in a checkout (`cpbench certify --all` writes such a table)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +126,28 @@ def judge_answer(
 
 
 def with_others(verdict: verification.Verdict, problem: Problem, point: Any) -> verification.Verdict:
-    """Return the verdict with the number of others that reports print beside its error, which decides nothing."""
-    return replace(verdict, parts={**verdict.parts, **verification.beside(problem, point)}) if point.finite else verdict
+    """Return the verdict with the numbers that reports print beside its error, which decide nothing."""
+    if not point.finite:
+        return verdict
+    others = verification.beside(problem, point)
+    if isinstance(problem, QP) and (optimum := proved_optima().get(problem.fingerprint)) is not None:
+        with np.errstate(all="ignore"):
+            value = problem.objective(point.z)
+        off = max(optimum[0] - value, value - optimum[1], 0.0) / max(1.0, abs(optimum[0]))
+        others[OPTIMALITY_GAP] = off if math.isfinite(value) else math.inf
+    return replace(verdict, parts={**verdict.parts, **others})
+
+
+@cache
+def proved_optima() -> Mapping[str, tuple[float, float]]:
+    """Return doubles around the proved optimal value of quadratic programs by fingerprint, without the constant that a
+    file may have; empty where neither of TABLES is there."""
+    table = next((path for path in TABLES if path.is_file()), None)
+    if table is None:
+        return {}
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["bare_low"] and row["convex"]]
+    return {row["fingerprint"]: (float(row["bare_low"]), float(row["bare_high"])) for row in rows}
 
 
 def look_for_proof(

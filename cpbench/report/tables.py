@@ -75,7 +75,8 @@ def of_group(run: Run, group: ResultGroup, rows: pd.DataFrame, ranking: Ranking 
         "ranking": ranking_table(solvers),
         "times": _times(rows, order, run.compared[group]),
         "verdicts": _verdicts(rows, order),
-        "beside": _beside(group, rows, order),
+        "beside": _beside(group, rows, order, BESIDE.get(group.node, "")),
+        "optima": _beside(group, rows, order, "optimality_gap"),
         "families": _families(rows),
         "precision": precision(rows, run.histories),
     }
@@ -359,9 +360,8 @@ def _verdicts(rows: pd.DataFrame, order: Sequence[str]) -> Table:
     )
 
 
-def _beside(group: ResultGroup, rows: pd.DataFrame, order: Sequence[str]) -> Table:
-    """Return how the errors of each solver's answers compare with what the field measures of them."""
-    name = BESIDE.get(group.node, "")
+def _beside(group: ResultGroup, rows: pd.DataFrame, order: Sequence[str], name: str) -> Table:
+    """Return how the errors of each solver's answers compare with another number of them."""
     forms = {"solver": "code", "answers": "count", "median error": "number", f"median {name}": "number",
              "pass both": "count", "pass the error only": "count", f"pass {name} only": "count"}  # fmt: skip
     compared = summary.beside(rows.head(0) if group.measure else rows, name, group.tolerance)

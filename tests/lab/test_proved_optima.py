@@ -15,6 +15,7 @@ from certificate_checks import CHECKER, REFUSALS, check, checked, reseal
 from command_line import cpbench as command
 
 import cpbench as cp
+from cpbench.bench import judging
 
 pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificates.certify import objective_bounds
@@ -22,6 +23,7 @@ from cpbench_lab.certificates.exact_rows import ExactRows, rational, solve
 from cpbench_lab.certificates.refinement import refined
 from cpbench_lab.certificates.uniqueness import convexity
 
+GAP = judging.OPTIMALITY_GAP
 PUBLISHED = "# of nobody\nproblem,value\nPLAIN,-2.5e+00\nsum,-1.002\n"
 """That of `plain` is right; that of `sum` is off by 2 units of its last digit."""
 
@@ -115,6 +117,20 @@ def test_the_table_has_what_is_proved_of_each_problem(table: pd.DataFrame) -> No
     assert facts["plain.h5"] == ["positive definite", "positive definite"]
     assert facts["sum.h5"] == ["positive semidefinite", ""]
     assert facts["two.h5"] == ["", "P-matrix"]
+
+
+def test_answers_stand_beside_the_proved_optimum(
+    table: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At (0.5, 0.5) ½|z|² − z₁ − 2z₂ is −1.25, half of 2.5 from the optimum; without a table there is nothing."""
+    monkeypatch.setattr(judging, "TABLES", (folder / "none.csv", folder / "out" / "table.csv"))
+    monkeypatch.setattr(judging, "proved_optima", judging.proved_optima.__wrapped__)
+    problem = cp.load(folder / "files" / "plain.h5")
+    gaps = [judging.with_others(judging.verification.judge(problem, point, 1e-6), problem, point).parts[GAP]
+            for point in (cp.solve(problem).point, problem.point_from_vector([0.5, 0.5, 0.0, 0.0, 0.0]))]  # fmt: skip
+    assert (gaps[0] < 1e-12, gaps[1]) == (True, 0.5)
+    monkeypatch.setattr(judging, "TABLES", ())
+    assert GAP not in judging.with_others(cp.verify(problem, cp.solve(problem)), problem, cp.solve(problem).point).parts
 
 
 def test_its_certificates_prove_it_without_cpbench(table: pd.DataFrame, folder: Path, tmp_path: Path) -> None:
