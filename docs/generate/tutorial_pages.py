@@ -29,7 +29,7 @@ def files() -> dict[str, bytes]:
     finally:
         sys.path.remove(str(ROOT / "docs"))
     reports = {
-        "assets/profile.png": "contact/profile-fc-1e-06-cold-1.png",
+        "assets/profile.png": "standard/profile-fc.png",
         "assets/ratios.png": "speed/ratios.png",
         "assets/motion.svg": "motion/motion.svg",
         "results/standard.md": "standard/report.md",
