@@ -217,10 +217,13 @@ def side(path: Path) -> ComparisonSide:
 def side_of(store: Store) -> ComparisonSide:
     """Return the rows and facts of a results file that is open; raises CpbenchError when it has no rows."""
     from cpbench.analysis.comparison import ComparisonSide
+    from cpbench.generators.collection import address_text
 
     table = store.table()
     if not len(table):
         raise CpbenchError(f"{store.path}: has no rows; make some with: cpbench run PROBLEMS -o {store.path}")
+    addresses = {address: address_text(address) for address in table["address"].unique()}
+    table = table.assign(address=table["address"].map(addresses))
     return ComparisonSide(str(store.path), table, store.meta(), store.machines())
 
 
