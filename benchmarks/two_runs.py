@@ -41,7 +41,8 @@ def leading(first: pd.DataFrame, second: pd.DataFrame, count: int) -> pd.DataFra
 def changed(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:
     """Return the pairs that only one of the runs solved."""
     both = first.merge(second, on=KEYS, suffixes=("", " again"))
-    return both.loc[both["solved"] != both["solved again"], [*KEYS, "status", "seconds", "status again", "seconds again"]]
+    columns = [*KEYS, "status", "seconds", "status again", "seconds again"]
+    return both.loc[both["solved"] != both["solved again"], columns]
 
 
 def markdown(table: pd.DataFrame) -> str:
@@ -60,8 +61,11 @@ def main() -> None:
     first, second = pd.read_csv(args.first), pd.read_csv(args.second)
     top, different = leading(first, second, args.solvers), changed(first, second)
     near = int((top["ratio"].sub(1.0).abs() <= 0.05).sum())
-    print(f"{len(different)} of {len(first)} pairs were solved by one run only; {near} of {len(top)} × fastest differ by "
-          f"at most 5 %, the largest by a factor of {np.exp(np.log(top['ratio']).abs().max()):.3g}.\n")  # fmt: skip
+    most = np.exp(np.log(top["ratio"]).abs().max())
+    print(
+        f"{len(different)} of {len(first)} pairs were solved by one run only; {near} of {len(top)} × fastest differ by"
+    )
+    print(f"at most 5 %, the largest by a factor of {most:.3g}.\n")
     print(markdown(top))
     print()
     print(markdown(different))

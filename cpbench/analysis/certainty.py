@@ -11,12 +11,13 @@ LEVELS = ("proved", "enclosed", "stationary", "distant", "measured", "refuted")
 """Levels of certificates, the most certain that there is a solution first."""
 KNOWN = LEVELS[:4]
 """Levels of answers to problems of which a solution is known."""
-READ = ("problem", "node", "label", "measure", "status", "tolerance", "error", "certainty", "certificate", "distance")
+READ = (
+    "problem", "fingerprint", "node", "label", "measure", "status", "error", "certainty", "certificate", "distance",
+)  # fmt: skip
 """Columns that are looked at."""
-AWAY = 10.0
-"""Distance from the only solution, in tolerances, from which a claim is disproved."""
 FAR = 1e-2
-"""Distance from the proved solution from which an answer that passes is listed."""
+"""Distance from the proved solution from which an answer that passes is listed, and from the only one from which a
+claim is disproved."""
 
 
 def sought(table: pd.DataFrame) -> pd.DataFrame:
@@ -44,10 +45,8 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
 def disproved(table: pd.DataFrame) -> pd.Series:
     """Return whether a proof says that no solution is where the answer is, because all are elsewhere or there is none,
     or the answer has numbers that are not finite."""
-    excluded = table["certificate"].str.contains("there is no solution|is not finite")
-    only = table["certificate"].str.contains("unique|all listed")
-    elsewhere = only & (table["distance"] > AWAY * table["tolerance"])
-    return (table["certainty"] == "refuted") | excluded | elsewhere
+    none = (table["certainty"] == "refuted") | table["certificate"].str.contains("there is no solution|is not finite")
+    return none | refuted(table)
 
 
 def refuted(table: pd.DataFrame) -> pd.Series[bool]:

@@ -94,11 +94,7 @@ def candidates(source: str, target: str, kinds: frozenset[Kind] = EXACT, via: Se
     An edge is considered when one of `kinds` could be its promise; with `via`, a path must contain those
     conversions, which are allowed whatever their kind. An edge from a node to itself is taken only then, once.
     """
-    return list(_candidates(source, target, kinds, via))
-
-
-def _candidates(source: str, target: str, kinds: frozenset[Kind], via: Sequence[Conversion]) -> Iterator[Route]:
-    return (route for route, _ in best_first(source, target, kinds, via, True, lambda prefix: True))
+    return [route for route, _ in best_first(source, target, kinds, via, True, lambda prefix: True)]
 
 
 def arrive(
@@ -113,27 +109,9 @@ def arrive(
     `apply` may be a stand-in for `Conversion.step` that outlives this search, such as a `Memory`.
     """
     dead: list[DeadEnd] = []
-    for arrival in _arrivals(problem, target, kinds, via, apply, dead):
+    for arrival in arrivals(problem, target, kinds, via, apply, once=True, dead=dead):
         return arrival
     raise NoRoute(_no_route(problem, target, kinds, via, dead))
-
-
-def arrivals(
-    problem: Problem,
-    target: str,
-    kinds: frozenset[Kind] = EXACT,
-    via: Sequence[Conversion] = (),
-    apply: Apply = Conversion.step,
-    *,
-    finish: bool = True,
-    dead: list[DeadEnd] | None = None,
-) -> Iterator[Arrival]:
-    """Bring `problem` to `target` by every route that works, cheapest first; `dead` gets the refusals.
-
-    Without `finish`, the last conversion of each is left to the caller: an arrival holds what it is to be applied to.
-    """
-    met = [] if dead is None else dead
-    return _arrivals(problem, target, kinds, via, apply, met, once=False, finish=finish)
 
 
 def explain(
@@ -146,26 +124,28 @@ def explain(
     """Return the routes that do not bring `problem` to `target`, each with its obstacle, up to the first one that
     does."""
     dead: list[DeadEnd] = []
-    next(_arrivals(problem, target, kinds, via, apply, dead), None)
+    next(arrivals(problem, target, kinds, via, apply, once=True, dead=dead), None)
     return tuple(dead)
 
 
-def _arrivals(
+def arrivals(
     problem: Problem,
     target: str,
-    kinds: frozenset[Kind],
-    via: Sequence[Conversion],
-    apply: Apply,
-    dead: list[DeadEnd],
+    kinds: frozenset[Kind] = EXACT,
+    via: Sequence[Conversion] = (),
+    apply: Apply = Conversion.step,
     *,
-    once: bool = True,
+    once: bool = False,
     finish: bool = True,
+    dead: list[DeadEnd] | None = None,
 ) -> Iterator[Arrival]:
-    """Yield routes that work; `dead` collects the refusals.
+    """Bring `problem` to `target` by every route that works, cheapest first; `dead` gets the refusals.
 
+    Without `finish`, the last conversion of each is left to the caller: an arrival holds what it is to be applied to.
     With `once`, a prefix that made the same problem as an earlier one is dropped if it has passed every node that
     the earlier one passed: nothing is behind it that was not behind the other, for less.
     """
+    met = [] if dead is None else dead
     pinned = {edge.name for edge in via}
     passed: dict[tuple[str, frozenset[str]], list[frozenset[str]]] = {}
 
@@ -188,7 +168,7 @@ def _arrivals(
                 return after if arrives or not once or is_new(after, prefix) else None
             except NotApplicable as refusal:
                 why = refusal.obstacle
-        dead.append(DeadEnd(Route(prefix.path), len(prefix.path) - 1, edge.label, why))
+        met.append(DeadEnd(Route(prefix.path), len(prefix.path) - 1, edge.label, why))
         return None
 
     def is_new(after: _State, prefix: Prefix[_State]) -> bool:
@@ -200,7 +180,7 @@ def _arrivals(
 
     start = _State(problem, Kind.EQUIVALENT)
     for route, state in best_first(problem.node, target, kinds, via, start, take):
-        yield Arrival(state.problem, route, state.kind, tuple(dead))
+        yield Arrival(state.problem, route, state.kind, tuple(met))
 
 
 def _no_route(
@@ -214,7 +194,7 @@ def _no_route(
     message = f"no {'exact ' if kinds == EXACT else ''}route from {problem.node} to {target}: {tried or nothing}"
     inexact = (
         r
-        for r in _candidates(problem.node, target, ALL, ())
+        for r, _ in best_first(problem.node, target, ALL, (), True, lambda prefix: True)
         if not r.kind.exact and r.steps[0].obstacle(problem) is None
     )
     others = list(islice(inexact, SHOWN)) if kinds != ALL else []

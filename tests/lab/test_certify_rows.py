@@ -78,7 +78,7 @@ def test_levels_are_counted_by_solver_and_problem() -> None:
     )
     found = certainty.by_label(table).set_index("label")
     assert found.loc["s", ["verified", "proved", "enclosed", "false", "disproved"]].tolist() == [2, 1, 1, 1, 1]
-    assert found.loc["t", ["verified", "false", "disproved"]].tolist() == [0, 2, 1]  # 2e-6 is not ten tolerances
+    assert found.loc["t", ["verified", "false", "disproved"]].tolist() == [0, 2, 1]  # 2e-6 is not far
     levels = certainty.by_problem(table).set_index("problem")["level"]
     assert levels.to_dict() == {"a-1": "proved", "a-2": "proved", "a-3": "refuted"}
     assert certainty.far(table)["problem"].tolist() == ["a-2"]
