@@ -17,6 +17,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import table as rows_of
+
 COLUMNS = ("key", "time", "iteration", "residual", "error", "share")
 ERRORS = tuple(float(f"{10.0 ** (-k / 4):.6e}") for k in range(57))
 """Quarter decades from 1 to 1e-14, whole ones exact."""
@@ -53,22 +55,21 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     """
     positions, seconds, kept = _charged(rows, histories)
     error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
-    levels = sorted(e for e in ERRORS if e >= 0.99 * rows["tolerance"].min())
-    iterates = (
-        rows[["label", "fingerprint"]].iloc[positions].assign(level=np.searchsorted(levels, error), seconds=seconds)
-    )
-    first = iterates.groupby(["level", "label", "fingerprint"])["seconds"].min()
-    pairs = pd.MultiIndex.from_product([sorted(iterates["label"].unique()), sorted(rows["fingerprint"].unique())])
-    # what was as good as a tighter level is as good as this one
-    times = first.unstack("level").reindex(index=pairs, columns=range(len(levels))).fillna(math.inf).cummin(axis=1)
-    by_label = times.groupby(level=0, sort=True)
-    points = pd.DataFrame(
-        {"reached": (times < math.inf).groupby(level=0).sum().stack(), "seconds": by_label.median().stack()}
-    )
-    points = points.rename_axis(["label", "level"]).reset_index()
-    points = points.assign(error=np.array(levels)[points["level"].to_numpy(dtype=int)])
-    whole = points[points["reached"] > 0].sort_values(["label", "error"], ascending=[True, False], ignore_index=True)
-    return whole[["label", "error", "reached", "seconds"]]
+    levels = np.array(sorted(e for e in ERRORS if e >= 0.99 * rows["tolerance"].min()))
+    level = np.searchsorted(levels, error)
+    labels, names = rows_of.codes(rows["label"])
+    problems, every = rows_of.codes(rows["fingerprint"])
+    label, problem = labels[positions], problems[positions]
+    curves = [pd.DataFrame({"label": [], "error": [], "reached": [], "seconds": []})]
+    for code, name in enumerate(names):  # one after the other: all of a million rows would be gigabytes
+        own = (label == code) & (level < levels.size)
+        times = np.full((len(every), levels.size), math.inf)
+        np.minimum.at(times, (problem[own], level[own]), seconds[own])
+        np.minimum.accumulate(times, axis=1, out=times)  # what was as good as a tighter level is as good as this one
+        reached, median = (times < math.inf).sum(axis=0), np.median(times, axis=0)
+        curve = pd.DataFrame({"label": name, "error": levels, "reached": reached, "seconds": median})
+        curves.append(curve[curve["reached"] > 0].iloc[::-1])
+    return pd.concat(curves[1:] or curves, ignore_index=True)
 
 
 def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array, Array]:
