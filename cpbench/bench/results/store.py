@@ -174,10 +174,13 @@ class Store:
         for rows in self._database.chunks(f"SELECT {_ALL} FROM rows ORDER BY rowid", CHUNK):
             for name, values in zip(_KINDS, zip(*rows, strict=True), strict=True):
                 parts[name].append(_column(name, values))
+        # column by column, so that there is never a second table
         with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a separate text
-            frame = pd.DataFrame({name: pd.Series(np.concatenate(of)).infer_objects() for name, of in parts.items()})
-        frame["error"] = frame["error"].fillna(float("inf"))
-        return frame.sort_values(["problem", "label", "key"], ignore_index=True)
+            columns = {name: pd.Series(np.concatenate(parts.pop(name))).infer_objects() for name in _KINDS}
+        columns["error"] = columns["error"].fillna(float("inf"))
+        names = pd.DataFrame({name: columns[name] for name in ("problem", "label", "key")}, copy=False)
+        order = names.sort_values(list(names)).index
+        return pd.DataFrame({name: pd.Series(columns.pop(name).array.take(order)) for name in _KINDS}, copy=False)
 
     # ----------------------------------------------------------------------------------- facts of the run
 
