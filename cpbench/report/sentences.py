@@ -56,7 +56,9 @@ def solved_most(ranking: Ranking, names: Callable[[Sequence[str], int], str], no
     problem run one after the other, in random order, so that means stray less (Hoeffding, J. Am. Stat. Assoc. 58)."""
     most = max(row.solved for row in ranking.rows)
     first = [row for row in ranking.rows if row.solved == most]
-    text = f"most problems were solved by {names([row.solver for row in first], 4)}: {most} of {ranking.cases}"
+    text = f"none of {ranking.cases} was solved"
+    if most:
+        text = f"most problems were solved by {names([row.solver for row in first], 4)}: {most} of {ranking.cases}"
     stray = noise ** min(1.0, math.sqrt(2.0 * math.log(2.0 / LEVEL) / ranking.cases))
     least = min(row.factor for row in first)
     near = [row.solver for row in first if row.factor <= stray * least]
