@@ -35,15 +35,17 @@ class PartedQP:
     count: int
 
 
-def parted(problem: QP) -> PartedQP | None:
-    """Return a problem of several connected parts with these; None where it is one."""
+def parted(problem: QP, most: float = 1.0) -> PartedQP | None:
+    """Return a problem of several connected parts with these; None where it is one, or one has more than that share of
+    the unknowns and rows."""
     if not matrices.is_sparse(problem.Q) and problem.Q.size and np.all(matrices.dense(problem.Q)[0]):
         return None  # this row joins all unknowns
     G = qp_sparse.stacked(entries(problem.A), entries(problem.C))
     Q = entries(problem.Q)
     part = labels(Q, G)
     count = int(part.max(initial=-1)) + 1
-    return PartedQP(problem, Q, G, part, count) if count > 1 else None
+    apart = count > 1 and np.bincount(part).max() <= most * part.size
+    return PartedQP(problem, Q, G, part, count) if apart else None
 
 
 def labels(Q: Entries, G: Entries) -> NDArray[np.int64]:

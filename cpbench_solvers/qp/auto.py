@@ -32,10 +32,12 @@ from cpbench_solvers.qp.presolve import dense_problem, presolved, sparse_data
 from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call, record_ends
 from cpbench_solvers.stacks import solve_qp
 
-LARGE = 300
-"""Unknowns beyond which conjugate gradients on faces are ahead of factorizations where there are no rows."""
+WHOLE = 0.9
+"""Of unknowns and rows: a part with more of them is solved with the others, which make it no slower."""
 STEPS = 5
 """Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""
+FACTORS = 3
+"""Dense factorizations that take as long as those steps may, where Q is full: half of what the interior point does."""
 ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
 SMALL, SMALL_SPARSE = 100, 50
 """Unknowns up to which the active set is first whatever it takes, where matrices are full and where they are sparse: of
@@ -67,7 +69,7 @@ class AutoQP(AutomaticChoice):
     """Proximal steps over the dual active set in one compiled call for few unknowns, and for up to some hundreds where
     the data are dense, as long as the interior point would take; else the interior point.
 
-    Conjugate gradients on faces first where there are many unknowns and bounds alone.
+    Conjugate gradients on faces before both where there are bounds alone and more than some dozens of unknowns.
     """
 
     spec: ClassVar[SolverSpec] = replace(
@@ -84,9 +86,9 @@ class AutoQP(AutomaticChoice):
 
     def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Any:
         """Return a `Plan`, or a `PartedQP`."""
-        if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem)) is not None:
+        if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem, WHOLE)) is not None:
             return parts
-        if 0 < problem.p.size <= (SMALL if _is_full(problem) else SMALL_SPARSE):
+        if 0 < problem.p.size <= _at_once(problem):
             # one compiled call, which finds out by itself whether Q is convex
             plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, solvers.get("proximal-active-set"))
         elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
@@ -115,9 +117,9 @@ class AutoQP(AutomaticChoice):
         deadline, problem = budget.deadline(), prepared.problem
         last = None if record is None else LastNumber(record)
         output = super().solve(prepared, budget, options, start, last)
-        if output.claim in ENDED or problem.p.size > SMALL or budget.iterations is not None:
+        if output.claim in ENDED or budget.iterations is not None:
             return output
-        for other in (self._apart, self._presolved):
+        for other in (self._apart, self._presolved) if problem.p.size <= SMALL else (self._apart,):
             left = budget.left(deadline)
             found = other(problem, left) if left.seconds > 0.0 else None
             if found is not None and found.claim in ENDED:
@@ -155,13 +157,22 @@ class AutoQP(AutomaticChoice):
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
         n, m, k, full = problem.p.size, problem.b.size, problem.d.size, _is_full(problem)
-        if n <= (SMALL if full else SMALL_SPARSE):
+        if n <= _at_once(problem):
             return ON_SMALL
-        if n <= SMALL or (full and fits_one_call(n, m + k)):
-            options = {"crowd": CROWD if full else SPARSE_CROWD}
-            return [SolverPhase("proximal-active-set", _passes(n, m, k), options), *ON_SMALL[1:], *ACTIVE]
-        faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
-        return [*faces, *ON_SMALL[1:], *ACTIVE]
+        options = {"crowd": CROWD if full else SPARSE_CROWD}
+        if m + k:
+            first = n <= SMALL or (full and fits_one_call(n, m + k))
+            passes = [SolverPhase("proximal-active-set", _passes(n, m, k), options)] * first
+            return [*passes, *ON_SMALL[1:], *ACTIVE]
+        # each bound that is held takes the active set a pass, and these steps none
+        passes = [SolverPhase("proximal-active-set", n // 2, options)] * (full and n <= SMALL)
+        steps = max(STEPS * math.sqrt(n), FACTORS * n / 6.0 if full else 0.0)
+        return [*passes, SolverPhase("mprgp-qp", int(steps), {"projected": True}), *ON_SMALL[1:], *ACTIVE]
+
+
+def _at_once(problem: QP) -> int:
+    """Return up to how many unknowns the active set goes on to its own end."""
+    return SMALL if (problem.b.size or problem.d.size) and _is_full(problem) else SMALL_SPARSE
 
 
 def _is_full(problem: QP) -> bool:

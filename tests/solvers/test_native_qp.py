@@ -354,12 +354,30 @@ def test_dense_data_are_for_the_active_set_until_the_interior_point_would_be_don
     """Which takes over then; sparse data are for it at once."""
     solver, b = solvers.get("auto-qp"), Budget(tolerance=1e-6)
     fit = np.random.default_rng(0).standard_normal((300, 150))
-    quick = QP.build(fit.T @ fit, fit.T @ np.ones(300), lb=np.zeros(150))
+    quick = QP.build(fit.T @ fit, fit.T @ np.ones(300), lb=np.zeros(150), A=np.ones((1, 150)), b=np.zeros(1))
     assert solver.run(quick, b).message == "proximal-active-set: solved"
     assert solver.phases(banded(150, np.random.default_rng(0)))[0].solver == "interior-point-qp"
     monkeypatch.setattr("cpbench_solvers.qp.auto.TURNS", 0)
     assert solver.phases(quick)[0].iterations == 1
     assert "after 1 passes; interior-point-qp: solved" in solver.run(quick, b).message
+
+
+@pytest.mark.parametrize(("n", "sparse", "first"), [(40, False, 0), (80, False, 1), (80, True, 2), (150, False, 2)])
+def test_where_bounds_alone_hold_it_steps_on_faces_come_before_the_interior_point(
+    n: int, sparse: bool, first: int
+) -> None:
+    """After the active set on full matrices of up to 100 unknowns, and in place of it on others: a wrong bound is left
+    by a step on its face, while the active set takes a pass for each. The answer is planted."""
+    rng, held = np.random.default_rng(n), np.arange(n) % 2 == 0
+    B = np.eye(n) + (np.diag(np.full(n - 1, 0.5), 1) if sparse else 0.3 * rng.standard_normal((n, n)))
+    z, Q = np.where(held, 0.0, rng.uniform(1.0, 2.0, n)), B.T @ B
+    p = np.where(held, 1.0, 0.0) - Q @ z
+    problem = QP.build(sp.csr_array(Q) if sparse else Q, p, lb=np.zeros(n))
+    solver, names = solvers.get("auto-qp"), ("proximal-active-set", "mprgp-qp", "interior-point-qp")
+    order = tuple(phase.solver for phase in solver.phases(problem))
+    assert order[:2] == (names[::2], names[:2], names[1:])[first]
+    output = solver.run(problem, Budget(tolerance=1e-8))
+    np.testing.assert_allclose(output.point.z, z, atol=1e-6)
 
 
 @pytest.mark.parametrize(
