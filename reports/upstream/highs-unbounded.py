@@ -1,6 +1,7 @@
 """HiGHS says "Optimal" of a convex QP of three unknowns that is unbounded below, with default settings.
 
 Minimize ½xᵀQx - x₂ without constraints, Q = BᵀB: Qv = 0 for v = (-1, 1, 1), so that it is -t at tv for every t.
+The point is that of Q + 1e-7 I (the default of qp_regularization_value: highs-regularization.py).
 
     highspy 1.16.0 Optimal
     objective -3.33333e+06, largest entries of x 3.3e+06, of the gradient 0.33
