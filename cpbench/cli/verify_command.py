@@ -13,6 +13,7 @@ from cpbench import storage, verification
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
+from cpbench.bench.judging import with_others
 from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.cli.answered import answer_lines
 from cpbench.cli.options import format_option, measure_option, number, tolerance_option
@@ -78,7 +79,7 @@ def command(
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
         given = stored[0]
     point, completed = multipliers.whole(loaded, given, tolerance)
-    verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
+    verdict = with_others(verify(loaded, point, tolerance=tolerance, measure=measure), loaded, point)
     if all_measures:
         lines = _table(extensions.hook("all_measures")(loaded, point, tolerance), tolerance)
     else:
