@@ -1,6 +1,8 @@
 """ProxQP calls programs of one unknown with two rows infeasible that have a solution, with default settings.
 
 Minimize cx where -100 ≤ x ≤ -1 and -100 ≤ x ≤ u, u > -1: x = -1 meets both rows, and is the solution where c = -1.
+Of Maros and Mészáros' set it calls eleven infeasible as qpsolvers hands them over (Gx <= h), HS118 among them, with
+each backend and tolerance; HS118 with its rows as -Gx >= -h it solves.
 
     proxsuite 0.8.0
     c = -1, u = 10: PROXQP_PRIMAL_INFEASIBLE, 2 iterations; x = -1 violates rows by 0
