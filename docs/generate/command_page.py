@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import click
-from page_parts import table, verbatim
+from page_parts import contents, table, verbatim
 
 from cpbench.cli import cli
 
@@ -38,7 +38,8 @@ def files() -> dict[str, str]:
         rows.append([f"[{name}](commands/{name}.md)", " ".join((command.help or "").split("\n\n")[0].split())])
     head = ["# Commands", "Each page has the help of a command, and an example that ran when the pages were made."]
     whole = verbatim(cli.get_help(context))
-    pages["reference/commands.md"] = "\n\n".join([*head, table(["command", "what it does"], rows), "## cpbench", whole])
+    rest = [table(["command", "what it does"], rows), "## cpbench", whole, contents("commands/*")]
+    pages["reference/commands.md"] = "\n\n".join([*head, *rest])
     return pages
 
 

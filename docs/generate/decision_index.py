@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from page_parts import table
+from page_parts import contents, table
 
 FOLDER = Path(__file__).resolve().parents[1] / "decisions"
 
@@ -19,6 +19,7 @@ def page() -> str:
             "What binds now, why, and what was rejected. A decision that is revised gets a new file, and the status of "
             "the old one names it; the last line of a record names those that it merged, whose text is in the history.",
             table(["decision", "part", "date", "status"], rows),
+            contents("0*"),
         ]
     )
 

@@ -16,5 +16,10 @@ def verbatim(text: str, language: str = "text") -> str:
     return f"```{language}\n{text.strip()}\n```"
 
 
+def contents(*entries: str) -> str:
+    """Return a hidden table of contents: the pages that come below a page, by their paths or by a pattern."""
+    return "\n".join(["```{toctree}", ":hidden:", ":glob:", "", *entries, "```", ""])
+
+
 def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")

@@ -7,6 +7,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from page_parts import contents
+
 from cpbench.report import canvas
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,7 +23,7 @@ def files() -> dict[str, bytes]:
 
         with tempfile.TemporaryDirectory() as folder:
             write(Path(folder))
-            made = {f"lecture/{path.name}": path.read_bytes() for path in Path(folder).iterdir()}
+            made = {f"whole/lecture/{path.name}": path.read_bytes() for path in Path(folder).iterdir()}
         picture = io.BytesIO()
         with canvas.drawing():
             graph_map().savefig(picture, format="svg")
@@ -36,4 +38,6 @@ def files() -> dict[str, bytes]:
         "results/details.md": "standard/details.md",
         "results/answer.png": "standard/answer.png",
     }
-    return {**made, **{name: (ROOT / "reports" / path).read_bytes() for name, path in reports.items()}}
+    made |= {name: (ROOT / "reports" / path).read_bytes() for name, path in reports.items()}
+    made["results/standard.md"] += f"\n{contents('details')}".encode()
+    return made

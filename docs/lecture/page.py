@@ -101,7 +101,7 @@ problems are in <code>problems.h5</code> beside the page, and the commands under
 {body}
 {_references()}
 </main>
-<footer><p>Built by <code>mkdocs build</code>. Facts and formulas follow the lecture, the words are
+<footer><p>Built by <code>python docs/generate</code>. Facts and formulas follow the lecture, the words are
 ours.</p></footer>
 </body>
 </html>

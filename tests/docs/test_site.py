@@ -1,4 +1,4 @@
-"""The documentation is built as CI builds it, and its pages load nothing from elsewhere."""
+"""The documentation is built as CI builds it; its pages load nothing from elsewhere, and their links lead somewhere."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
-pytest.importorskip("mkdocs", reason="does not apply: the extra docs is not installed")
+pytest.importorskip("pydata_sphinx_theme", reason="does not apply: the extra docs is not installed")
 ROOT = Path(__file__).resolve().parents[2]
+ELSEWHERE = re.compile(r"(https?:)?//")
 
 from cpbench.conversions import conversions  # noqa: E402
 from cpbench.formulations import formulations  # noqa: E402
@@ -24,34 +26,43 @@ pytestmark = pytest.mark.nightly  # the tutorial computes for more than a minute
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
-    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "docs/generate", folder], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]
-    return folder
+    return folder / "site"
 
 
-class _Loaded(HTMLParser):
-    """Addresses that a browser fetches by itself; links that a reader may follow are none."""
+class _Page(HTMLParser):
+    """Addresses that a browser fetches by itself, links that a reader may follow, and the names of places."""
 
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__()
         self.addresses: list[str] = []
+        self.links: list[str] = []
+        self.names = {""}
+        self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = dict(attrs)
+        self.names.add(given.get("id") or "")
+        if tag == "a":
+            self.links.append(given.get("href") or "")
         if tag in ("script", "img", "iframe", "source", "object"):
             self.addresses += [given.get("src") or given.get("data") or ""]
         if tag == "link" and given.get("rel") in ("stylesheet", "preload", "preconnect", "icon"):
             self.addresses.append(given.get("href") or "")
 
 
-def test_pages_load_nothing_from_elsewhere(site: Path) -> None:
-    pages = list(site.rglob("*.html"))
+def test_pages_load_nothing_from_elsewhere_and_links_lead_somewhere(site: Path) -> None:
+    pages = {path: _Page(path) for path in site.rglob("*.html") if path.parent.name != "_static"}
     assert len(pages) > 20
-    for page in pages:
-        loaded = _Loaded()
-        loaded.feed(page.read_text(encoding="utf-8"))
-        assert not [address for address in loaded.addresses if re.match(r"(https?:)?//", address)], page
+    for path, page in pages.items():
+        assert not [address for address in page.addresses if ELSEWHERE.match(address)], path
+        for link in (*page.addresses, *page.links):
+            if not re.match(r"\w+:|//", link):
+                name, _, part = unquote(link).partition("#")
+                target = (path.parent / name.partition("?")[0]).resolve() if name else path
+                assert target.is_file(), (path, link)
+                assert target not in pages or part in pages[target].names, (path, link)
 
 
 def test_every_plugin_is_on_its_page(site: Path) -> None:
