@@ -161,6 +161,7 @@ def test_facet_error_falls_with_their_number(name):
 # -------------------------------------------------------------------------------------- compliance
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_compliant_contact_sinks_by_its_compliance() -> None:
     """One frictionless contact, W = 2, q = −1, R = κW: r = 1/(2 + 2κ), and the rigid velocity is −Rr."""
     problem = FrictionContact(W=2.0 * np.eye(3), q=np.array([-1.0, 0, 0]), mu=np.zeros(1))
