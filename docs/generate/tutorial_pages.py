@@ -37,7 +37,11 @@ def files() -> dict[str, bytes]:
         "results/standard.md": "standard/report.md",
         "results/details.md": "standard/details.md",
         "results/answer.png": "standard/answer.png",
+        "results/real/report.md": "real/report.md",
+        "results/real/details.md": "real/details.md",
+        "results/real/answer.png": "real/answer.png",
     }
     made |= {name: (ROOT / "reports" / path).read_bytes() for name, path in reports.items()}
-    made["results/standard.md"] += f"\n{contents('details')}".encode()
+    for report in ("standard", "real/report"):
+        made[f"results/{report}.md"] += f"\n{contents('details')}".encode()
     return made
