@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -66,12 +65,13 @@ class AutoContact(SolverByParts):
     def _solved(
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
     ) -> SolverOutput:
-        problem = part.problem
-        if not (problem.mu > STEEP).any() or start is not None or record is not None:
+        problem, mu = part.problem, part.problem.mu
+        # the largest is at most the square root of the sum, which takes less time
+        if mu.dot(mu) <= STEEP**2 or not (mu > STEEP).any() or start is not None or record is not None:
             return super()._solved(part, budget, options, start, record)
         # what sticks under less friction does so under more, and μ times the rounding of a velocity is not a velocity
         deadline = budget.deadline()
-        less = replace(problem, mu=np.minimum(problem.mu, STEEP))
+        less = replace(problem, mu=np.minimum(mu, STEEP))
         near = ContactPart.of(part.rows, less, self.prepare(less, budget, options))
         output = super()._solved(near, replace(budget, seconds=0.5 * budget.seconds), options, None, None)
         if output.point is not None and part.error(output.point.r) <= SURE * budget.tolerance:
@@ -99,17 +99,15 @@ class AutoContact(SolverByParts):
         sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
         if taken is not None:
             sweeps.take(*taken)
-        look = None
+        begin = np.zeros(rows.problem.q.size) if start is None else start.r
         if record is not None:
-            begin = np.zeros(rows.problem.q.size) if start is None else start.r
             record(0, rows.judged_error(begin), lambda: FCPoint(begin))
-            look = partial(_tell, record, sweeps)
+        look = None if record is None else lambda: record(sweeps.done, sweeps.error, lambda: FCPoint(sweeps.best))
         if first > 0:
             sweeps.sweep(first, budget.tolerance, look)
         if sweeps.error <= budget.tolerance:
             spent = counters(sweeps.done)
             return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, spent)
-        begin = np.zeros(rows.problem.q.size) if start is None else start.r
         run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         while not run.solved and run.iterations < limit:
@@ -122,7 +120,3 @@ class AutoContact(SolverByParts):
         output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)
         parts = (", ".join(run.messages[-WORDS:]), output.message)
         return replace(output, message="; ".join(part for part in parts if part))
-
-
-def _tell(record: Record, sweeps: AcceleratedSweeps) -> None:
-    record(sweeps.done, sweeps.error, lambda: FCPoint(sweeps.best))

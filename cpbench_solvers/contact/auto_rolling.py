@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar, cast
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.local_contact import RollingFrictionContact
-from cpbench.solvers.base import SolverSpec, register
-from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register, solvers
+from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.parts import error_or_rounding
 
@@ -33,3 +35,23 @@ class AutoRolling(AutomaticChoice):
         a_turn = max(SWEEPS, CONTACTS / max(problem.nc, 1))
         sweeps, admm = self.members
         return [SolverPhase(sweeps, int(a_turn * ITERATIONS)), SolverPhase(admm, ITERATIONS)]
+
+    def solve(
+        self, prepared: Plan, budget: Budget, options: Any, start: Any = None, record: Record | None = None
+    ) -> SolverOutput:
+        if prepared.first is None or start is not None or record is not None or budget.iterations is not None:
+            return super().solve(prepared, budget, options, start, record)
+        # most problems end in the first turn, small ones in less time than it takes to prepare for others
+        deadline, (phase, *others), count = budget.deadline(), prepared.phases, prepared.phases[0].iterations or 0
+        output = solvers.get(phase.solver).solve(prepared.first, replace(budget, iterations=count), prepared.options)
+        if output.claim is Claim.SOLVED:
+            counters = {**output.counters, "solvers": 1}
+            return replace(output, counters=counters, message=f"{phase.solver}: solved")
+        problem, point = cast(RollingFrictionContact, prepared.problem), output.point
+        later = Plan(problem, (*others, phase))
+        near = point is not None and self.error(problem, point, budget.tolerance) <= budget.tolerance**0.5
+        if near:  # at this rate as many sweeps again are enough
+            later = prepared._replace(phases=(replace(phase, iterations=2 * count), *others))
+        rest = super().solve(later, budget.left(deadline), options, point, None)
+        message = f"{phase.solver}: {output.message or output.claim}; {rest.message}"
+        return replace(rest, counters=dict(Counter(output.counters) + Counter(rest.counters)), message=message)

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -48,7 +48,7 @@ class PartSolver(Solver):
         """Do what `solve` of a solver does, for one part."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class MeasuredParts:
     """A problem of one or more connected parts, and how wrong reactions are in each of them.
 
@@ -72,8 +72,7 @@ class MeasuredParts:
         return result
 
 
-@dataclass(frozen=True)
-class ContactPart:
+class ContactPart(NamedTuple):
     """A connected part of a problem: its rows in W, and what the method prepared for it."""
 
     rows: Index
@@ -108,8 +107,9 @@ class ContactPart:
             q, r = q * lengths, r / lengths
         else:
             rho = blocks.rho
-        size = math.sqrt(q @ q)  # by Cauchy's inequality: ‖q‖₂/√n ≤ ‖q‖∞ and ‖r‖₁ ≤ √n‖r‖₂, for sums take longer
-        pushed = d / rho.min() * math.sqrt(q.size * (r @ r))
+        # by Cauchy's inequality: ‖q‖₂/√n ≤ ‖q‖∞ and ‖r‖₁ ≤ √n‖r‖₂, for sums take longer
+        size = math.sqrt(q.dot(q))
+        pushed = d / np.minimum.reduce(rho) * math.sqrt(q.size * r.dot(r))
         if d * ROUNDINGS * EPS * (pushed + size) < tolerance * size / math.sqrt(q.size):
             return False
         return rounding_error(problem, answer, np.zeros(problem.nc, np.int64)) >= tolerance
@@ -209,7 +209,8 @@ def connected_parts(problem: Contact) -> list[Index]:
     if nc < 2:
         return [np.arange(nc)]
     if isinstance(W, np.ndarray):
-        if W[:d].reshape(d, nc, d).any(axis=(0, 2)).all():  # the first contact leads to all: most small problems
+        # the first contact leads to all: most small problems, and most of these by the normals alone
+        if np.count_nonzero(W[0, ::d]) == nc or W[:d].reshape(d, nc, d).any(axis=(0, 2)).all():
             return [np.arange(nc)]
         graph = sp.csr_array(W.reshape(nc, d, nc, d).any(axis=(1, 3)))
     else:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,7 @@ PACE, LEAST, FIRST = 0, 2, 4
 """Of what the sweeps return, of `state` and of `measured`: the names of the kernels, in `sweep_progress`."""
 
 
-@dataclass(frozen=True)
-class Sweeping:
+class Sweeping(NamedTuple):
     """A way to sweep: the kernel, its first arguments, how many numbers it remembers, and where its answer is."""
 
     kernel: Callable[..., Any]
@@ -44,13 +43,14 @@ class Sweeping:
     answer: slice
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)  # not frozen: objects that are take longer to make than a small problem to solve
 class BlockRows:
     """W by rows of blocks, the diagonal ones apart, and what the one-contact problem needs of these.
 
     Attributes
     ----------
     start, column, blocks : block-CSR without the diagonal. diagonal : (nc, d·d). local : (nc, 12). rho : (nc,).
+    matrix : W as kernels take it. law : first arguments of every kernel of sweeps. order : 0, 1, ..., nc − 1.
     """
 
     problem: FrictionContact
@@ -61,33 +61,23 @@ class BlockRows:
     local: Dense
     rho: Vector
 
-    @property
-    def matrix(self) -> tuple[Any, ...]:
-        """W as kernels take it."""
-        return self.start, self.column, self.blocks, self.diagonal
-
-    @cached_property
-    def law(self) -> tuple[Any, ...]:
-        """First arguments of every kernel of sweeps: the data of the problem."""
+    def __post_init__(self) -> None:
         problem = self.problem
-        return (*self.matrix, self.local, problem.q, problem.mu, self.rho)
-
-    @cached_property
-    def order(self) -> NDArray[np.int64]:
-        """Numbers of the contacts in increasing order, shape (nc,)."""
-        return np.arange(self.problem.nc)
+        self.matrix = self.start, self.column, self.blocks, self.diagonal
+        self.law = (*self.matrix, self.local, problem.q, problem.mu, self.rho)
+        self.order = np.arange(self.rho.size)
 
     def judged_error(self, r: Vector) -> float:
         """Return the error of the reactions r, shape (nc·d,), as `residuals` of the problem measures it."""
         *matrix, _, q, mu, rho = self.law
         return contact_error.judged(*matrix, q, mu, rho, r, self.problem.dimension)
 
-    @cached_property
+    @property
     def accelerated(self) -> Sweeping:
         """Sweeps with Anderson's acceleration."""
         return self.sweeping(self.order)
 
-    @cached_property
+    @property
     def plain(self) -> Sweeping:
         """Sweeps without acceleration."""
         return self.sweeping(self.order, 0)
@@ -215,7 +205,7 @@ def block_rows(problem: FrictionContact) -> BlockRows:
     return BlockRows(problem, start, column, blocks, diagonal.reshape(nc, d * d), local, rho)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class ScaledContacts:
     """W′ = SWS and q′ = Sq for x = S⁻¹r, S² the ρ_c of the problem: one penalty then suits every contact.
 
