@@ -35,7 +35,9 @@ class APGDContactOptions(MethodOptions):
     stall_window: int = 50_000
 
 
-class _Accelerated(ContactMethod):
+class AcceleratedGradients(ContactMethod):
+    """The iterates of one run."""
+
     pieces: ClassVar[bool] = True
 
     def __init__(self, contacts: ScaledContacts, options: APGDContactOptions, start: Vector, budget: Budget) -> None:
@@ -84,4 +86,4 @@ class APGDContact(ContactSolver):
         "O'Donoghue and Candès 2015",
         options=APGDContactOptions,
     )
-    method: ClassVar[Any] = _Accelerated
+    method: ClassVar[Any] = AcceleratedGradients

@@ -8,25 +8,31 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget
+from cpbench.solvers.shared.progress import SHARE
+from cpbench_solvers.contact import policy
 from cpbench_solvers.contact.admm import ADMMContactOptions, ContactSplitting
+from cpbench_solvers.contact.apgd import AcceleratedGradients, APGDContactOptions
 from cpbench_solvers.contact.interior_point import ContactInteriorPoint, ContactInteriorPointOptions
 from cpbench_solvers.contact.newton_equation import ContactFunction
-from cpbench_solvers.contact.policy import SweepProgress, iteration_work, point_work, step_work, sweep_work
 from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
+from cpbench_solvers.contact.run import ContactMethod
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts, Sweeps
 
 PIECE = 2_000
 """Sweeps between two looks at the clock."""
-SOONER = 0.5
+SOONER, LATER = 0.25, 0.5
 """Interior points and proximal points end in a few dozen steps where they succeed, whatever sweeps have gained before:
-they are asked when others have had half of that work."""
+they are first asked when others have had that share of this work."""
+PROBE = 0.25
+"""Share of the expected steps after which the error of a first-order method tells how many there will be."""
 
 
 class Member(ABC):
@@ -35,9 +41,9 @@ class Member(ABC):
     Attributes
     ----------
     unit, counter : of its steps, for messages and among the counters. expected : steps that it is expected to need.
-    cost : of a step [ns]. spent : counted work since `turns` was 0 [ns]. turns : how often it has had its turn in vain.
-    level : the least error that it began at or has seen. over : it cannot go on. steps, factorizations : so far.
-    weight : of its work where turns are given. A subclass keeps the iterates in `_run` from `begin` on.
+    weight : of these for its first turn. first : share of them in that turn. cost : of a step [ns]. spent : counted
+    work [ns]. level : the least error that it began at or has seen. over : it cannot go on. progress : of its turns.
+    patience : see there. steps, factorizations : so far. A subclass keeps its iterates in `_run`.
     """
 
     unit: ClassVar[str]
@@ -45,21 +51,20 @@ class Member(ABC):
     expected: ClassVar[int]
     takes_start: ClassVar[bool] = False
     weight: ClassVar[float] = 1.0
+    first: ClassVar[float] = 1.0
+    patience: ClassVar[float] = policy.PATIENCE
     _run: Any
 
     def __init__(self, contacts: ScaledContacts, cost: float) -> None:
         self._contacts, self.cost = contacts, cost
-        self.spent, self.turns, self.level, self.over = 0.0, 0, math.inf, False
+        self.spent, self.level, self.over = 0.0, math.inf, False
         self.steps = self.factorizations = 0
+        self.progress = self.afresh()
 
-    @property
-    def allowed(self) -> float:
-        """Work that it will have had after its next turn [ns]: twice as much every time."""
-        return math.inf if self.over else self.expected * self.cost * 2.0**self.turns
-
-    def due(self, tolerance: float) -> float:
-        """Return that work, or less where it is expected to be done sooner, times its weight [ns]."""
-        return self.weight * self.allowed
+    def afresh(self) -> policy.TurnProgress:
+        """Return the progress of one that has not begun."""
+        work = self.expected * self.cost
+        return policy.TurnProgress(self.weight * work, self.first * work, self.patience)
 
     @property
     def r(self) -> Vector:
@@ -81,8 +86,8 @@ class NewtonMember(Member):
     unit, counter, expected = "Newton steps", "newton_steps", 20
 
     def __init__(self, contacts: ScaledContacts, start: Vector, function: ContactFunction) -> None:
-        super().__init__(contacts, step_work(contacts.rows.problem.W))
-        self._sweep, self._start, self._function = sweep_work(contacts.rows), start, function
+        super().__init__(contacts, policy.step_work(contacts.rows.problem.W))
+        self._sweep, self._start, self._function = policy.sweep_work(contacts.rows), start, function
         self._count = ContactNewtonOptions().sweeps
 
     def begin(self, r: Vector) -> None:
@@ -110,13 +115,13 @@ class NewtonMember(Member):
 
 
 class ProximalMember(Member):
-    """Proximal points, over-relaxed, by Newton steps."""
+    """Proximal points, over-relaxed, by Newton steps. Their error may fall at the very end only."""
 
-    unit, counter, expected, weight = "Newton steps to proximal points", "newton_steps", 60, SOONER
-    takes_start = True
+    unit, counter, expected, weight = "Newton steps to proximal points", "newton_steps", 60, LATER
+    takes_start, patience = True, 1.0
 
     def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, step_work(contacts.rows.problem.W))
+        super().__init__(contacts, policy.step_work(contacts.rows.problem.W))
 
     def begin(self, r: Vector) -> None:
         self._run = ProximalSteps(self._contacts, ProximalNewtonOptions(), r)
@@ -131,75 +136,77 @@ class ProximalMember(Member):
 
 
 class PlainMember(Member):
-    """Sweeps without acceleration: where contacts keep changing their state, extrapolations only lead astray.
+    """Sweeps without acceleration: where contacts keep changing their state, extrapolations only lead astray."""
 
-    Their error falls at a steady rate, which says when they are done.
-    """
-
-    unit, counter, expected = "plain sweeps", "sweeps", 1200
+    unit, counter, expected, first = "plain sweeps", "sweeps", 1200, PROBE
 
     def __init__(self, contacts: ScaledContacts, start: Vector) -> None:
-        super().__init__(contacts, sweep_work(contacts.rows))
+        super().__init__(contacts, policy.sweep_work(contacts.rows))
         self._start = start
 
     @property
     def r(self) -> Vector:
         return self._sweeps.best
 
-    def due(self, tolerance: float) -> float:
-        if self.over or self.steps == 0:
-            return self.allowed
-        spent = round(self.spent / self.cost)
-        turn = round(self.allowed / self.cost) - spent
-        return SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error).due(tolerance)
-
     def begin(self, r: Vector) -> None:
         self._sweeps = AcceleratedSweeps(self._contacts.rows, self._start, self._contacts.rows.plain)
 
     def advance(self, most: int, deadline: float, tolerance: float) -> None:
-        count = max(math.ceil((self.allowed - self.spent) / self.cost), 1)
+        count = max(math.ceil((self.progress.turn - self.progress.spent) / self.cost), 1)
         self.over = not self._sweeps.sweep(min(count, most, PIECE), tolerance)
         sweeps, self.steps = self._sweeps.done - self.steps, self._sweeps.done
         self.spent += max(sweeps, 1) * self.cost
 
 
-class ADMMMember(Member):
-    """ADMM, one factorization for every penalty."""
+class MethodMember(Member):
+    """A method in iterations, from nothing: from the best point ADMM was caught for 5,000 where it needs 700 (0287)."""
 
-    unit, counter, expected = "ADMM iterations", "admm_iterations", 600
-
-    def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, iteration_work(contacts.rows.problem.W, 0))
+    method: ClassVar[Callable[..., ContactMethod]]
+    options: ClassVar[type]
 
     def begin(self, r: Vector) -> None:
-        # not at r: from the best point it was caught for 5,000 iterations where it needs 700 from nothing (0287)
-        self._run = ContactSplitting(self._contacts, ADMMContactOptions(), np.zeros(r.size))
+        self._run = type(self).method(self._contacts, self.options(), np.zeros(r.size), Budget())
 
     def advance(self, most: int, deadline: float, tolerance: float) -> None:
-        splitting = self._run
-        before = splitting.counters["factorizations"]
-        self.over = splitting.step() is not None
-        if splitting.counters["factorizations"] > before:
-            self.factorizations += 1
-            self.cost = iteration_work(self._contacts.rows.problem.W, splitting.entries)
-        self.steps += 1
-        self.spent += self.cost
+        run, before = self._run, self._run.counters.get("factorizations", 0)
+        count = min(1 + self.steps // SHARE, most) if run.pieces else 1
+        with np.errstate(all="ignore"):  # diverging iterates overflow
+            self.over = run.step(count, self.progress.error, 0.0) is not None
+        self.factorizations += run.counters.get("factorizations", 0) - before
+        self.steps += count
+        self.spent += count * self.cost
 
 
-class InteriorMember(Member):
+class ADMMMember(MethodMember):
+    """ADMM, one factorization for every penalty. Where nothing else solves hyperstatic contacts it may, after it has
+    stood still for thousands of iterations: its share is never made smaller."""
+
+    unit, counter, expected, first, patience = "ADMM iterations", "admm_iterations", 600, PROBE, 1.0
+    method, options = ContactSplitting, ADMMContactOptions
+
+    def __init__(self, contacts: ScaledContacts) -> None:
+        super().__init__(contacts, policy.iteration_work(contacts.rows.problem.W, 0))
+
+    def advance(self, most: int, deadline: float, tolerance: float) -> None:
+        super().advance(most, deadline, tolerance)
+        self.cost = policy.iteration_work(self._contacts.rows.problem.W, self._run.entries)
+
+
+class GradientMember(MethodMember):
+    """Accelerated projected gradients: where contacts are hyperstatic, and no Newton step is to be trusted."""
+
+    unit, counter, expected, first = "projected gradients", "gradient_steps", 600, PROBE
+    method, options = AcceleratedGradients, APGDContactOptions
+
+    def __init__(self, contacts: ScaledContacts) -> None:
+        super().__init__(contacts, policy.GRADIENT * policy.sweep_work(contacts.rows))
+
+
+class InteriorMember(MethodMember):
     """Interior points: a way that no first point and no active set decides, of a few dozen steps where it succeeds."""
 
     unit, counter, expected, weight = "interior-point steps", "interior_steps", 35, SOONER
+    method, options = ContactInteriorPoint, ContactInteriorPointOptions
 
     def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, point_work(contacts.rows.problem.W))
-
-    def begin(self, r: Vector) -> None:
-        nothing = np.zeros(r.size)
-        self._run = ContactInteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
-
-    def advance(self, most: int, deadline: float, tolerance: float) -> None:
-        self.over = self._run.step(1, 0.0, 0.0) is not None
-        self.steps += 1
-        self.factorizations += 1
-        self.spent += self.cost
+        super().__init__(contacts, policy.point_work(contacts.rows.problem.W))

@@ -7,7 +7,6 @@ the work of its turn is done. `policy` says which is next.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,30 +14,22 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Record
 from cpbench.solvers.shared.progress import reduced
+from cpbench_solvers.contact import members
 from cpbench_solvers.contact.by_parts import SURE
-from cpbench_solvers.contact.members import (
-    PIECE,
-    ADMMMember,
-    InteriorMember,
-    Member,
-    NewtonMember,
-    PlainMember,
-    ProximalMember,
-)
 from cpbench_solvers.contact.newton_equation import ContactFunction
 from cpbench_solvers.contact.parts import MeasuredParts
-from cpbench_solvers.contact.policy import SweepProgress, next_method, sweep_work
+from cpbench_solvers.contact.policy import TurnProgress, sweep_work
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
-GAINED = 0.1
-"""A method that took the error below this times what it was has not failed; from so much nearer what failed may not."""
-SHORTER = 8
-"""Sweeps are so many times fewer again where another method has come much nearer."""
+LULL = 800
+"""Sweeps in which the error may stand still before it falls fast."""
+NEARER = 0.1
+"""From a point with this share of the error, methods that take a start begin again; what came to it goes on."""
 
 
 def counters(sweeps: int) -> dict[str, int]:
     """Return the counters after so many sweeps and nothing else."""
-    none = dict.fromkeys(("newton_steps", "admm_iterations", "interior_steps", "factorizations"), 0)
+    none = {"newton_steps": 0, "admm_iterations": 0, "gradient_steps": 0, "interior_steps": 0, "factorizations": 0}
     return {"iterations": sweeps, "sweeps": sweeps, **none}
 
 
@@ -62,21 +53,26 @@ class Phases:
         self.best, self.error, self.iterations = sweeps.best.copy(), sweeps.error, sweeps.done
         self.counters = counters(sweeps.done)
         self.messages = [f"{sweeps.done} sweeps to {sweeps.error:.1e}"]
-        self._first, self._starts = max(sweeps.done, 1), 0
-        self._count = 2 * self._first
         self._sweeps: AcceleratedSweeps | None = sweeps
-        self._mark = self.error
-        cost = sweep_work(contacts.rows)
-        self._progress = SweepProgress(cost, self._count, sweeps.done, sweeps.done, 1.0, self.error)
+        self._cost, self._first, self._starts = sweep_work(contacts.rows), max(sweeps.done, 1), 0
+        self._progress = self._afresh()
+        self._progress.note(self._cost * self._first, self.error)
+        self._progress.rest()
         self._ahead: str | None = None
-        self._members: dict[str, Member] = {
-            "interior": InteriorMember(contacts),
-            "newton": NewtonMember(contacts, start, ContactFunction.ALART_CURNIER),
-            "natural": NewtonMember(contacts, start, ContactFunction.NATURAL_MAP),
-            "proximal": ProximalMember(contacts),
-            "admm": ADMMMember(contacts),
-            "plain": PlainMember(contacts, start),
+        self._members: dict[str, members.Member] = {
+            "interior": members.InteriorMember(contacts),
+            "newton": members.NewtonMember(contacts, start, ContactFunction.ALART_CURNIER),
+            "natural": members.NewtonMember(contacts, start, ContactFunction.NATURAL_MAP),
+            "proximal": members.ProximalMember(contacts),
+            "admm": members.ADMMMember(contacts),
+            "gradients": members.GradientMember(contacts),
+            "plain": members.PlainMember(contacts, start),
         }
+
+    def _afresh(self) -> TurnProgress:
+        """Return the progress of sweeps that have not begun."""
+        work = self._cost * self._first
+        return TurnProgress(work, work, lull=LULL * self._cost)
 
     @property
     def solved(self) -> bool:
@@ -87,8 +83,7 @@ class Phases:
             if error <= self._enough or self.tolerance <= EPS:
                 return True
             self.tolerance = reduced(self.tolerance, error, self._enough)
-            self._sweeps, self._starts, self._count = None, 0, self._first
-            self._progress = SweepProgress(self._progress.cost, self._count, self._progress.spent)
+            self._sweeps, self._starts, self._progress = None, 0, self._afresh()
         return False
 
     def take_turn(self) -> None:
@@ -97,42 +92,22 @@ class Phases:
         A method that has just come much nearer has the next turn too.
         """
         before = self.error
-        due = {name: member.due(self.tolerance) for name, member in self._members.items()}
-        name = self._ahead or next_method(self._progress.due(self.tolerance), due)
+        due = {name: member.progress.due(self.tolerance) for name, member in self._members.items() if not member.over}
+        due = {None: self._progress.due(self.tolerance), **due}
+        name = self._ahead or min(due, key=due.__getitem__)
         if name is None:
             done, unit = self._sweep(), "sweeps"
         else:
             done, unit = self._advance(self._members[name]), self._members[name].unit
         self.messages.append(f"{done} {unit} to {self.error:.1e}")
-        gained = self.error <= GAINED * before
-        if name is None:
-            self._swept(done)
-        elif self._sweeps is not None and self.error <= GAINED * self._sweeps.error:
+        self._ahead = name if name and self.error <= NEARER * before and not self._members[name].over else None
+        gained = name is not None and self.error < before
+        if gained and self._sweeps is not None and self.error <= NEARER * self._sweeps.error:
             # sweeps go on from the new point, and accelerated: the reasons to begin otherwise are gone
-            self._sweeps, self._starts = None, 0
-        if self.error <= GAINED * self._mark:
-            self._mark = self.error
-            if name is not None:
-                self._count = max(self._count // SHORTER, self._first)
-            for member in self._members.values():
-                # from a point so much nearer, methods that have failed from the old one are to be tried again, cheaply
-                # first
-                member.turns, member.spent = 0, 0.0
-            self._progress = replace(self._progress, spent=0)
-        if self._sweeps is None:
-            self._progress = SweepProgress(self._progress.cost, self._count, self._progress.spent)
-        self._ahead = name if gained and not (name and self._members[name].over) else None
-
-    def _swept(self, done: int) -> None:
-        """Note what a turn of sweeps came to; those that gained nothing in it do not go on."""
-        sweeps, old = self._sweeps, self._progress
-        assert sweeps is not None
-        if sweeps.error < old.error:
-            spent = old.spent + done
-            self._progress = replace(old, next=self._count, spent=spent, sweeps=sweeps.done, error=sweeps.error)
-        else:
-            self._progress = replace(old, spent=old.spent + done)
-            self._sweeps, self._starts = None, self._starts + 1
+            self._sweeps, self._starts, self._progress = None, 0, self._afresh()
+        for member in self._members.values():
+            if member.takes_start and self.error <= NEARER * member.level < np.inf:
+                member.level, member.progress = np.inf, member.afresh()
 
     @property
     def _over(self) -> bool:
@@ -140,34 +115,33 @@ class Phases:
         spent = self.iterations >= self.limit or time.monotonic() > self.deadline
         return self.error <= self.tolerance or spent
 
-    def _advance(self, member: Member) -> int:
+    def _advance(self, member: members.Member) -> int:
         """Give a method its turn."""
-        first, due = member.steps, member.allowed
+        first, progress = member.steps, member.progress
         # it has not begun, or another method has come much nearer (0131: a slightly better point is not a reason)
-        if np.isinf(member.level) or (member.takes_start and self.error <= GAINED * member.level):
+        if np.isinf(member.level):
             member.begin(self.best)
             member.level = self.error
         before = member.factorizations
-        while member.spent < due and not member.over and not self._over:
-            steps = member.steps
+        while progress.spent < progress.turn and not member.over and not self._over:
+            steps, spent = member.steps, member.spent
             member.advance(self.limit - self.iterations, self.deadline, self.tolerance)
             self._made(member.counter, member.steps - steps)
             r = member.r
             error = self._contacts.rows.judged_error(r)
             member.level = min(member.level, error)
+            progress.note(member.spent - spent, error)
             self._seen(r, error)
-        member.turns += 1
+        progress.rest()
         self.counters["factorizations"] += member.factorizations - before
         return member.steps - first
 
     def _sweep(self) -> int:
-        if self._sweeps is None:
-            self._sweeps = self._started()
-        sweeps = self._sweeps
-        before, end = sweeps.done, self.tolerance
-        until = before + min(self._count, self.limit - self.iterations)
-        self._count = 2 * self._count
-
+        sweeps, begun = (self._sweeps, self._sweeps.error) if self._sweeps else self._started()
+        self._sweeps = sweeps
+        before, end, progress = sweeps.done, self.tolerance, self._progress
+        count = max(round((progress.turn - progress.spent) / self._cost), 1)
+        until = before + min(count, self.limit - self.iterations)
         earlier = self.counters["sweeps"] - before
 
         def look() -> None:
@@ -175,23 +149,24 @@ class Phases:
             self._seen(sweeps.best, sweeps.error)
 
         while sweeps.done < until and not sweeps.error <= end and time.monotonic() < self.deadline:
-            finite = sweeps.sweep(min(until - sweeps.done, PIECE), end, None if self._record is None else look)
+            finite = sweeps.sweep(min(until - sweeps.done, members.PIECE), end, None if self._record is None else look)
             look()
             if not finite:
                 break
+        progress.note(self._cost * (sweeps.done - before), sweeps.error)
+        progress.rest()
+        if not sweeps.error < begun:  # those that gained nothing do not go on
+            self._sweeps, self._starts = None, self._starts + 1
         return sweeps.done - before
 
-    def _started(self) -> AcceleratedSweeps:
-        """Start from the best point; after a failure unaccelerated, after the next from nothing in a drawn order."""
+    def _started(self) -> tuple[AcceleratedSweeps, float]:
+        """Start from the best point; after a failure unaccelerated, after the next from nothing in a drawn order.
+        Return the sweeps, and the error of where they start."""
         rows, times = self._contacts.rows, self._starts
-        begun = 1.0 if times and times % 2 == 0 else self.error
-        self._progress = replace(self._progress, sweeps=0, begun=begun, error=begun)
-        if times == 0:
-            return AcceleratedSweeps(rows, self.best)
-        if times % 2 == 1:
-            return AcceleratedSweeps(rows, self.best, rows.plain)
+        if times % 2 == 1 or times == 0:
+            return AcceleratedSweeps(rows, self.best, rows.plain if times else None), self.error
         order = np.random.default_rng(self._seed + times).permutation(rows.problem.nc)
-        return AcceleratedSweeps(rows, None, rows.sweeping(order))
+        return AcceleratedSweeps(rows, None, rows.sweeping(order)), 1.0
 
     def _made(self, name: str, count: int) -> None:
         self.iterations += count

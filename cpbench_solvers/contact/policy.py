@@ -6,8 +6,6 @@ Portfolios of this kind: Huberman, Lukose and Hogg 1997, Science 275:51; Gomes a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import scipy.sparse as sp
 
@@ -15,15 +13,22 @@ from cpbench.foundation.factorization import DENSE_LIMIT
 from cpbench.foundation.matrices import Matrix
 from cpbench_solvers.contact.sweeps import BlockRows
 
+GAIN = 0.9
+"""A turn that leaves more than this share of the least error has gained nothing."""
+PATIENCE = 8.0
+"""A method that gains nothing waits until others have had so many times the work of its next turn, as one that promises
+to be done by then does where it is expected to take longer: what gains nothing gets a small share, but always one."""
 SWEEP, PER_BLOCK, PER_CONTACT = 500.0, 3.0, 25.0
 """Of an accelerated sweep: nanoseconds for itself, for a block of W and for a contact."""
+GRADIENT = 1.5
+"""Of an iteration of projected gradients with its measurement: sweeps that take as long."""
 STEP, PER_ROW, PER_ENTRY, PER_SQUARE, PER_CUBE = 3e4, 1e3, 1.0, 5.0, 0.02
 """Of a Newton step: nanoseconds for all calls, for a row of W, for an entry of W times √n when W is sparse, for n² and
 for n³ when it is dense."""
-POINT, PER_POINT_ROW, PER_POINT_ENTRY = 1.5e4, 300.0, 2.5
+POINT, PER_POINT_ROW, PER_POINT_ENTRY, PER_POINT_CUBE = 2.7e4, 540.0, 4.5, 0.036
 """Of a step of interior points: nanoseconds for all calls, for a row of W and, when it is sparse, for an entry of W
-times √n; when it is dense, as for a Newton step, for n³."""
-ITERATION, SOLVE_SHARE, PER_FACTOR_ENTRY = 5e3, 0.03, 1.5
+times √n; when it is dense, for n³."""
+ITERATION, SOLVE_SHARE, PER_FACTOR_ENTRY = 1e4, 0.06, 3.0
 """Of an iteration of ADMM: nanoseconds for all calls, for an entry of the factors, and before these are there to be
 counted the share of a Newton step.
 
@@ -33,53 +38,54 @@ either way.
 """
 
 
-@dataclass(frozen=True)
-class SweepProgress:
-    """Progress of the sweeps.
+class TurnProgress:
+    """Work [ns] and least error of one method, and the work that it will have had when it is done.
 
     Attributes
     ----------
-    cost : of a sweep [ns]. next : how many are made in the next turn. spent : how many were, since another method came
-    much nearer. sweeps : of these the present ones, which go on. begun, error : at their beginning and now.
+    turn : work after its next turn, which doubles. spent, error : so far. stalled : whether the last turn gained
+    nothing.
     """
 
-    cost: float
-    next: int
-    spent: int = 0
-    sweeps: int = 0
-    begun: float = 1.0
-    error: float = 1.0
+    def __init__(self, expected: float, first: float, patience: float = PATIENCE, lull: float = 0.0) -> None:
+        """Begin; `expected` : work until it is done, before it has shown anything. first : of its first turn.
+        patience : see PATIENCE. lull : work in which its error may stand still before it falls fast; where that is not
+        0, its average rate counts, not the last one, and it is expected to be done in its next turn."""
+        self._expected, self._patience, self._lull, self.turn = expected, patience, lull, first
+        self.spent, self.error, self.stalled = 0.0, math.inf, False
+        self._before = math.inf
+        self._marks = [(0.0, 1.0), (0.0, 1.0)]
+
+    def note(self, work: float, error: float) -> None:
+        """Note an iterate of that error after so much more work."""
+        self.spent, self.error = self.spent + work, min(self.error, error)
+        if self.spent >= 2.0 * self._marks[1][0] and not self._lull:
+            self._marks = [self._marks[1], (self.spent, self.error)]
+
+    def rest(self) -> None:
+        """End a turn."""
+        self.stalled = self.spent >= self._lull and not self.error <= GAIN * self._before
+        self._before = self.error
+        self.turn = 2.0 * max(self.turn, self.spent)
 
     def due(self, tolerance: float) -> float:
-        """Return the work that they will have had after their next turn [ns], or when they are done, if that is
-        expected sooner: at the rate that they had on average, for they stand still for long and then gain a lot.
+        """Return the work [ns] by which it competes with other methods for the next turn: what is left where it gains,
+        and all that it will have had where it does not."""
+        if not self.spent:
+            return self._expected
+        if self.stalled:
+            return self._patience * self.turn
+        if self._lull:
+            return min(self._foreseen(tolerance), self.turn)
+        return min(self._foreseen(tolerance), PATIENCE * self.turn) - self.spent
 
-        >>> SweepProgress(cost=1e4, next=600, spent=300, sweeps=300, error=1e-3).due(1e-4) / 1e4
-        400.0
-        >>> SweepProgress(cost=1e4, next=600, spent=300, sweeps=300, error=0.9).due(1e-4) / 1e4
-        900.0
-        >>> SweepProgress(cost=1e4, next=600, spent=300).due(1e-4) / 1e4
-        900.0
-        """
-        gained = math.log(self.begun / self.error) if 0 < self.error < self.begun else 0.0
-        left = self.sweeps * math.log(self.error / tolerance) / gained if gained > 0 else math.inf
-        return (self.spent + min(round(left, 6), float(self.next))) * self.cost
-
-
-def next_method(sweeps: float, due: Mapping[str, float]) -> str | None:
-    """Return the method whose turn it is, None for sweeps: the one that promises to be done with the least work.
-
-    Parameters
-    ----------
-    sweeps, due : work [ns] that the sweeps and every other method will have had after their next turn. It doubles from
-    turn to turn, so that none starves: where one needs the work w, each other one has had at most about 2w before.
-
-    >>> next_method(1e9, {"newton": 1e8, "admm": 3e8})
-    'newton'
-    >>> next_method(1e8, {"newton": 1e8, "admm": 3e8})
-    """
-    cheapest = min(due, key=due.__getitem__)
-    return None if sweeps <= due[cheapest] else cheapest
+    def _foreseen(self, tolerance: float) -> float:
+        """Return the work that it will have had when it is done, at the rate that it had since less than half of it."""
+        spent, error = self._marks[0]
+        if not 0.0 < self.error < error:
+            return math.inf
+        rate = math.log(error / self.error) / (self.spent - spent)
+        return self.spent + max(math.log(self.error / tolerance), 0.0) / rate
 
 
 def sweep_work(rows: BlockRows) -> float:
@@ -90,17 +96,14 @@ def sweep_work(rows: BlockRows) -> float:
 def step_work(W: Matrix) -> float:
     """Return nanoseconds of a Newton step."""
     n = W.shape[0]
-    return (
-        STEP
-        + PER_ROW * n
-        + (PER_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) else (PER_SQUARE + PER_CUBE * n) * n * n)
-    )
+    factors = PER_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) else (PER_SQUARE + PER_CUBE * n) * n * n
+    return STEP + PER_ROW * n + factors
 
 
 def point_work(W: Matrix) -> float:
     """Return nanoseconds of a step of interior points."""
     n = W.shape[0]
-    factors = PER_POINT_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) and n > DENSE_LIMIT else PER_CUBE * n**3
+    factors = PER_POINT_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) and n > DENSE_LIMIT else PER_POINT_CUBE * n**3
     return POINT + PER_POINT_ROW * n + factors
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_solvers.contact.members import PlainMember
-from cpbench_solvers.contact.policy import SweepProgress, next_method
+from cpbench_solvers.contact.policy import PATIENCE, TurnProgress
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
 from cpbench_solvers.kernels import anderson
 
@@ -23,29 +22,43 @@ DUE = {"newton": 1e8, "admm": 3e8}
 
 
 @pytest.mark.parametrize(
-    ("sweeps", "expected"),
+    ("errors", "first"),
     [
-        (SweepProgress(1e4, next=2000, spent=1000, sweeps=1000, error=1e-6), None),  # 333 more are expected: 3 ms
-        (SweepProgress(1e4, next=20_000, spent=10_000, sweeps=10_000, error=1e-6), "newton"),
-        (SweepProgress(1e4, next=20, spent=10, sweeps=10, error=2.0), None),  # nothing gained, but twenty cost little
-        (SweepProgress(1e4, next=20_000, spent=10, sweeps=10, error=2.0), "newton"),
+        ((1e-2, 1e-4, 1e-6), True),  # as fast again: a few hundred sweeps of 10 us
+        ((1e-1, 3e-2, 3e-2), True),  # they may stand still for a while
+        ((1e-1, 3e-2, 3e-2, 3e-2, 3e-2), False),
     ],
 )
-def test_the_method_that_is_expected_to_be_done_first(sweeps: SweepProgress, expected: str | None) -> None:
-    assert next_method(sweeps.due(1e-8), DUE) == expected
+def test_sweeps_that_stand_still_for_long_wait(errors: tuple[float, ...], first: bool) -> None:
+    sweeps = TurnProgress(1e7, 1e7, lull=4.5e7)
+    for error in errors:
+        sweeps.note(1e7, error)
+        sweeps.rest()
+    assert (sweeps.due(1e-8) < DUE["newton"]) is first
+
+
+def test_a_rate_foretells_the_work_that_is_left() -> None:
+    steady, stalled = TurnProgress(6e6, 4e6), TurnProgress(6e6, 4e6)
+    for k in range(4):
+        steady.note(1e6, 10.0 ** -(k + 1))
+        stalled.note(1e6, 1e-3)
+    for one in (steady, stalled):
+        one.rest()
+    stalled.note(4e6, 1e-3)
+    stalled.rest()
+    assert steady.due(1e-6) == pytest.approx(2e6)
+    assert stalled.due(1e-6) == PATIENCE * 16e6
 
 
 def test_whatever_fails_all_come_again() -> None:
     """Without any progress all go on in turn, each with about as much work as the others."""
-    sweeps, due, work = SweepProgress(1e4, next=50), dict(DUE), dict.fromkeys(("sweeps", *DUE), 0.0)
+    methods = {name: TurnProgress(work, work) for name, work in (DUE | {"sweeps": 5e5}).items()}
     for _ in range(60):
-        name = next_method(sweeps.due(1e-8), due)
-        if name is None:
-            sweeps = replace(sweeps, spent=sweeps.spent + sweeps.next, next=2 * sweeps.next)
-            work["sweeps"] = sweeps.spent * sweeps.cost
-        else:
-            work[name], due[name] = due[name], 2 * due[name]
-    assert max(work.values()) < 4 * min(work.values())
+        one = min(methods.values(), key=lambda one: one.due(1e-8))
+        one.note(one.turn - one.spent, 2.0)
+        one.rest()
+    work = [one.spent for one in methods.values()]
+    assert max(work) < 4 * min(work)
 
 
 def plain(rows: BlockRows, sweeps: int) -> np.ndarray:
@@ -102,15 +115,18 @@ def test_a_scene_on_which_acceleration_stands_still_is_solved(shared_data: Path,
 
 
 def test_plain_sweeps_foretell_when_they_are_done(shared_data: Path) -> None:
-    """On that scene, where the error falls at a steady rate, their turn comes sooner than turns that double."""
+    """On that scene, where the error falls at a steady rate, they are asked again before others have had as much."""
     problem = storage.load(shared_data / "fc3d_local" / "mj_soup60_mu08-nc140.hdf5")
     member = PlainMember(scaled_contacts(problem), np.zeros(problem.q.size))
     member.begin(np.zeros(problem.q.size))
-    first = member.due(1e-4)
-    member.advance(100_000, np.inf, 1e-4)
-    member.turns = 1
-    assert first == 1200 * member.cost
-    assert 1200 < member.due(1e-4) / member.cost < 2400
+    assert member.progress.due(1e-4) == 1200 * member.cost
+    for _ in range(3):
+        spent = member.spent
+        member.advance(100_000, np.inf, 1e-4)
+        member.progress.note(member.spent - spent, problem.residuals(FCPoint(member.r)).error)
+        member.progress.rest()
+    assert member.steps == 1200
+    assert 1200 < (member.spent + member.progress.due(1e-4)) / member.cost < 2400
     member.advance(100_000, np.inf, 1e-4)
     assert problem.residuals(FCPoint(member.r)).error <= 1e-4
 
