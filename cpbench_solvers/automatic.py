@@ -30,8 +30,6 @@ from cpbench.solvers.base import (
 )
 from cpbench_solvers.traits import ITERATIVE
 
-WORTH = 1.0
-"""A scaled error is about 1 at zero: an answer beyond that is not a start for the next solver."""
 NEARER = 0.1
 """A member goes on from where it was, unless another one has come to this share of its error (docs/decisions/0287)."""
 FINER = 0.1
@@ -85,6 +83,8 @@ class AutomaticChoice(Solver):
 
     members: ClassVar[tuple[str, ...]]
     """Every solver that `phases` may name."""
+    worth: ClassVar[float] = 1.0
+    """Of an answer that the next solver starts from, the error below: a scaled one is about 1 at zero."""
 
     def error(self, problem: Any, point: Any, tolerance: float) -> float:
         """Return the error of an answer of which no member of our own says that it is solved."""
@@ -186,7 +186,7 @@ class _Run:
     def __init__(
         self, choice: AutomaticChoice, plan: Plan, budget: Budget, start: Any, record: Record | None, deadline: float
     ) -> None:
-        problem, self._error_of = plan.problem, choice.error
+        problem, self._error_of, self._worth = plan.problem, choice.error, choice.worth
         self._problem, self._budget, self._record = problem, budget, record
         if start is None and not any(problem.point_sizes.values()):
             start = problem.zero_point()  # nothing is to be found, which some solvers do not take
@@ -218,7 +218,7 @@ class _Run:
             return False
         start = None
         if Trait.WARM_START in seat.solver.spec.traits:
-            near = self._error < WORTH and (seat.point is None or self._error <= NEARER * seat.level)
+            near = self._error < self._worth and (seat.point is None or self._error <= NEARER * seat.level)
             start = self._best if near else seat.point
         share = self._share(seat)
         output = seat.run(share, start, self._recorder())

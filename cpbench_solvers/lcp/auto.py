@@ -21,12 +21,11 @@ LARGE = 2000
 """Beyond, what takes M apart in dense storage is asked last."""
 FEW = 0.1
 """A larger share of nonzeros counts as dense."""
-STEPS = 2000
-"""Of conjugate gradients on faces, a product with M each, before Newton's method is asked."""
-PROJECTED = {"projected": True}
-"""Options of those conjugate gradients."""
-SWEEPS = 100
-"""Of projected SOR on a sparse M at most: they cost what factors of M cost that have some twenty times its entries."""
+STEPS, PRODUCTS = 2000, 4
+"""At most, of conjugate gradients on faces or of projected SOR, a product with a sparse M each; and times n² over the
+entries of M, which takes about as long as block pivoting on M in dense storage."""
+PIVOTS = 10
+"""Times n, of Lemke's method in its first turn: on games whose paths are not long it takes about 2n."""
 EXCHANGES = 50
 """Of bases on a small problem on which Lemke's method has failed: more are those of the least index."""
 NEWTON = SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")
@@ -71,15 +70,17 @@ class AutoLCP(ByParts):
         n = problem.q.size
         if n <= SMALL:
             return ON_SMALL
-        newton = NEWTON
         positive = bool(np.all(problem.M.diagonal() > 0))
         entries = nnz(problem.M)
         few = is_sparse(problem.M) and entries < FEW * n * n
-        # what takes no longer than to store M as a dense matrix is tried before anything that does
-        sweeps = [SolverPhase("psor", min(SWEEPS, n * n // entries))] if few and positive else []
+        products: list[SolverPhase] = []
+        if few and positive:
+            most = min(STEPS, PRODUCTS * n * n // entries)
+            faces = SolverPhase("mprgp", most, {"projected": True})
+            products = [faces if problem.symmetric else SolverPhase("psor", most)]
+        bordered, pivoting = SolverPhase("bpp"), SolverPhase("lemke", PIVOTS * n)
         if n > LARGE and few:
-            faces = [SolverPhase("mprgp", STEPS, PROJECTED)] if problem.symmetric else []
-            return [*sweeps, *faces, *newton, SolverPhase("bpp"), SolverPhase("lemke")]
-        faces = [SolverPhase("mprgp", n * n // entries, PROJECTED)] if sweeps and problem.symmetric else []
-        bordered = [SolverPhase("bpp")] if positive else []
-        return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
+            return [*products, *NEWTON, bordered, pivoting]
+        if positive:
+            return [*products, bordered, NEWTON[0], pivoting, *NEWTON[1:]]
+        return [pivoting, bordered, *NEWTON]

@@ -12,15 +12,18 @@ from cpbench.formulations.nonlinear import MiCP, MiCPPoint
 from cpbench.formulations.variational import VI, VIPoint
 from cpbench.foundation import matrices
 from cpbench.solvers.base import SolverSpec, register
-from cpbench_solvers.automatic import AutomaticChoice, Neighbour, SolverPhase, automatic_spec
+from cpbench_solvers.automatic import NEARER, AutomaticChoice, Neighbour, SolverPhase, automatic_spec
 
-STEPS = 20
-"""Of Newton's method on the normal map in its first turn."""
+QUICK = {"max_extra": 4, "restarts": 0}
+"""Options of Newton's method on the normal map in front: it takes few steps where matrices are regular. On networks,
+whose matrices are singular, it takes many and dear ones."""
+STEPS = 25, 15, 20, 10
+"""In the first turns of all members, some of whose steps are paths or problems of their own."""
 
 
 @register
 class AutoMiCP(AutomaticChoice):
-    """The normal map, Josephy–Newton with a path search, the Fischer–Burmeister equation.
+    """The normal map, the Fischer–Burmeister equation, Josephy–Newton with a path search.
 
     The first is done in a few cheap steps, or is not for the problem; where one stops at a point that is no solution,
     the next one's merit function has its stationary points elsewhere.
@@ -29,16 +32,18 @@ class AutoMiCP(AutomaticChoice):
     spec: ClassVar[SolverSpec] = automatic_spec(
         "micp", "auto-micp", "Newton's methods on boxes, the next where one has stopped"
     )
+    worth: ClassVar[float] = NEARER
     members: ClassVar[tuple[str, ...]] = (
-        "newton-normal-map",
-        "path-search",
         "newton-fb-micp",
+        "path-search",
+        "newton-normal-map",
         "josephy-newton",
     )
 
     def phases(self, problem: MiCP) -> Sequence[SolverPhase]:
         affine = [SolverPhase("auto-avi", via=_box)] if problem.F.compiled.affine else []
-        return [*affine, SolverPhase(self.members[0], STEPS), *map(SolverPhase, self.members[1:])]
+        quick = SolverPhase("newton-normal-map", STEPS[2], QUICK)
+        return [*affine, quick, *map(SolverPhase, self.members, STEPS)]
 
 
 @register

@@ -28,10 +28,12 @@ CONSISTENT = 0.5
 @dataclass(frozen=True)
 class NormalMapOptions:
     """Options of newton-normal-map. `memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` :
-    steps. `restarts` : other starts that are tried in the end."""
+    steps. `max_extra` : factorizations beyond one a step, as singular matrices take, until it is stuck, 0 for no
+    limit. `restarts` : other starts that are tried in the end."""
 
     memory: int = 5
     max_iterations: int = 1000
+    max_extra: int = 0
     restarts: int = 20
 
 
@@ -61,6 +63,7 @@ class _NormalMap(BoxMethod):
     def __init__(self, box: CountedBox, options: NormalMapOptions) -> None:
         super().__init__(box)
         self._merits: deque[float] = deque(maxlen=options.memory)
+        self._most = options.max_extra or math.inf
         self._descent = Descent(box, fischer_burmeister, 1, project=True)
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
@@ -72,6 +75,9 @@ class _NormalMap(BoxMethod):
         self._merits.append(_merit(F + x - z))
 
     def step(self) -> bool:
+        counters = self.box.counters
+        if counters["factorizations"] - counters["iterations"] >= self._most:
+            return False
         J = self.box.jacobian(self.z)
         return J is not None and (self._newton(J) or self._merit_step(J))
 

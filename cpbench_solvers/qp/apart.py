@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.programs import QP, QPPoint
 from cpbench.foundation import matrices
-from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench_solvers.kernels import linear_rows, qp_apart, qp_sparse
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.qp.claims import ErrorMeasure
@@ -59,10 +59,8 @@ def labels(Q: Entries, G: Entries) -> NDArray[np.int64]:
     return part
 
 
-def solve_apart(
-    parts: PartedQP, budget: Budget, start: QPPoint | None, run: Callable[[QP, Budget, Any], SolverOutput]
-) -> SolverOutput:
-    """Return the answer of all parts: small ones by one compiled call, what is left by `run`, one part by one.
+def solve_apart(parts: PartedQP, budget: Budget, start: QPPoint | None, solver: Solver) -> SolverOutput:
+    """Return the answer of all parts: small ones by one compiled call, what is left by `solver`, one part by one.
 
     A part without a solution ends it; its certificate is one of the whole.
     """
@@ -78,7 +76,7 @@ def solve_apart(
     whole.count({"iterations": int(counts.sum()), "proximal_steps": int(counts[1])})
     for q, at in _members(parts, np.flatnonzero(outcome != 0)):
         share = budget.left(deadline, whole.counters["iterations"])
-        output = run(restricted(P, at), share, None if start is None else _start(P, start, at))
+        output = solver.run(restricted(P, at), share, start=None if start is None else _start(P, start, at))
         whole.count(output.counters)
         if output.claim in (Claim.INFEASIBLE, Claim.UNBOUNDED):
             return whole.without_solution(output, q, at)

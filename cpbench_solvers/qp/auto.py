@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +17,6 @@ from cpbench.solvers.base import (
     SolverOutput,
     SolverSpec,
     StackCall,
-    missing,
     register,
     solved,
     solvers,
@@ -52,16 +49,6 @@ drawn programs of more than `SMALL` unknowns with full matrices but one, and on 
 ACTIVE_SET = ProximalActiveSetOptions()
 ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
 ENDED = (Claim.SOLVED, Claim.INFEASIBLE, Claim.UNBOUNDED)
-OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
-"""Solvers of other packages, those first that solve the most of the Maros-Meszaros problems."""
-
-
-@dataclass(frozen=True)
-class AutoQPOptions:
-    """Options of auto-qp. `members` : native, or installed: after our interior point solvers of other packages are
-    asked, as far as these are installed; what they say counts only where we measure it."""
-
-    members: Literal["native", "installed"] = "native"
 
 
 @register
@@ -72,9 +59,7 @@ class AutoQP(AutomaticChoice):
     Conjugate gradients on faces before both where there are bounds alone and more than some dozens of unknowns.
     """
 
-    spec: ClassVar[SolverSpec] = replace(
-        automatic_spec("qp", "auto-qp", "active set or interior point, by size"), options=AutoQPOptions
-    )
+    spec: ClassVar[SolverSpec] = automatic_spec("qp", "auto-qp", "active set or interior point, by size")
     stack_call: ClassVar[StackCall | None] = StackCall(solve_qp)
     members: ClassVar[tuple[str, ...]] = (
         "dual-active-set",
@@ -84,33 +69,27 @@ class AutoQP(AutomaticChoice):
         "augmented-lagrangian",
     )
 
-    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Any:
+    def setup(self, problem: QP, budget: Budget, options: Any) -> Any:
         """Return a `Plan`, or a `PartedQP`."""
-        if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem, WHOLE)) is not None:
+        if problem.p.size > SMALL and (parts := parted(problem, WHOLE)) is not None:
             return parts
         if 0 < problem.p.size <= _at_once(problem):
             # one compiled call, which finds out by itself whether Q is convex
-            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, solvers.get("proximal-active-set"))
-        elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
-            plan = Plan(problem, phases, problem, ProximalActiveSetOptions(**phases[0].options))
-        else:
-            plan = super().setup(problem, budget, options)
-        if options.members == "native":
-            return plan
-        others = tuple(SolverPhase(name) for name in OTHERS if not missing(solvers.get(name).spec))
-        before = 1 + [phase.solver for phase in plan.phases].index("interior-point-qp")
-        return plan._replace(phases=(*plan.phases[:before], *others, *plan.phases[before:]))
+            return Plan(problem, ON_SMALL, problem, ACTIVE_SET, solvers.get("proximal-active-set"))
+        if problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
+            return Plan(problem, phases, problem, ProximalActiveSetOptions(**phases[0].options))
+        return super().setup(problem, budget, options)
 
     def solve(
         self,
         prepared: Any,
         budget: Budget,
-        options: AutoQPOptions,
+        options: Any,
         start: QPPoint | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
         if isinstance(prepared, PartedQP):
-            output = solve_apart(prepared, budget, start, partial(self._part, options))
+            output = solve_apart(prepared, budget, start, self)
             if record is not None and isinstance(output.point, QPPoint):
                 record_ends(prepared.problem, output.point, output.counters["iterations"], record)
             return output
@@ -130,10 +109,7 @@ class AutoQP(AutomaticChoice):
 
     def _apart(self, problem: QP, budget: Budget) -> SolverOutput | None:
         parts = parted(problem)
-        return None if parts is None else solve_apart(parts, budget, None, partial(self._part, AutoQPOptions()))
-
-    def _part(self, options: AutoQPOptions, problem: QP, budget: Budget, start: QPPoint | None) -> SolverOutput:
-        return self.run(problem, budget, options, start)
+        return None if parts is None else solve_apart(parts, budget, None, self)
 
     def _presolved(self, problem: QP, budget: Budget) -> SolverOutput | None:
         """Return the answer that what presolve leaves has: rows that are bounds are met exactly then."""

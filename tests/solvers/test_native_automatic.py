@@ -57,16 +57,17 @@ def test_size_and_structure_decide() -> None:
     upwind = sp.diags_array([-1.5, 2.0, -0.5], offsets=[-1, 0, 1], shape=(5000, 5000)).tocsr()
     assert order("auto-lcp", small)[0] == "lemke"
     assert order("auto-lcp", large)[0] == "bpp"
-    assert order("auto-lcp", LCP(M=grid, q=-np.ones(5000)))[:2] == ["psor", "mprgp"]
+    assert order("auto-lcp", LCP(M=grid, q=-np.ones(5000)))[:2] == ["mprgp", "newton-min"]
     assert order("auto-lcp", LCP(M=upwind, q=-np.ones(5000)))[:2] == ["psor", "newton-min"]
-    assert order("auto-lcp", LCP(M=grid[:500, :500], q=-np.ones(500)))[:3] == ["psor", "mprgp", "bpp"]
+    assert order("auto-lcp", LCP(M=grid[:500, :500], q=-np.ones(500)))[:2] == ["mprgp", "bpp"]
+    game = np.kron([[0.0, 1.0], [1.0, 0.0]], np.ones((150, 150)))
+    assert order("auto-lcp", LCP(M=game, q=-np.ones(300)))[:2] == ["lemke", "bpp"]
 
 
-def test_sweeps_on_a_sparse_matrix_cost_no_more_than_to_store_it_as_a_dense_one() -> None:
+def test_products_with_a_sparse_matrix_cost_no_more_than_to_pivot_on_a_dense_one() -> None:
     line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(300, 300)).tocsr()
-    first, second, *_ = solvers.get("auto-lcp").phases(LCP(M=line, q=-np.ones(300)))
-    assert first.iterations * line.nnz <= 300**2
-    assert second.iterations * line.nnz <= 300**2
+    first = solvers.get("auto-lcp").phases(LCP(M=line, q=-np.ones(300)))[0]
+    assert 2 * 300**2 < first.iterations * line.nnz <= 4 * 300**2
 
 
 def test_a_failed_solver_is_followed_by_the_next_and_the_message_names_both() -> None:

@@ -398,22 +398,6 @@ def test_where_many_unknowns_will_be_held_the_interior_point_is_first(
     assert output.message.startswith("proximal-active-set: " + ("solved" if limit is None else f"more than {limit} "))
 
 
-def test_installed_members_are_asked_and_what_they_claim_is_measured() -> None:
-    solver = solvers.get("auto-qp")
-    options = solver.spec.options(members="installed")
-    problem = planted.qp(np.random.default_rng(1), 120, 60, 10)[0]
-    plan = solver.setup(problem, Budget(), options)
-    names = [phase.solver for phase in plan.phases]
-    assert names[names.index("interior-point-qp") + 1] == "clarabel"
-    kept = tuple(phase for phase in plan.phases if phase.solver == "clarabel")
-    output = solver.solve(plan._replace(phases=kept, first=None, solver=None), Budget(tolerance=1e-6), options)
-    assert output.claim is Claim.SOLVED
-    assert output.message.startswith("clarabel")
-    assert problem.residuals(output.point).error <= 1e-6
-    output = solver.solve(plan._replace(phases=kept, first=None, solver=None), Budget(tolerance=1e-17), options)
-    assert output.claim is not Claim.SOLVED
-
-
 def test_what_presolve_leaves_without_a_solution_is_proved_on_the_whole() -> None:
     """A row of one unknown goes, all unknowns stay; two rows contradict each other, or nothing bounds the cost."""
     A, bounds = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]]), (np.zeros(3), np.full(3, 50.0))
