@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -136,7 +137,7 @@ class Run:
 
 
 @pytest.fixture(scope="module", params=["few", pytest.param("all", marks=pytest.mark.nightly)])
-def run(module_bench, request: pytest.FixtureRequest) -> Run:
+def run(module_bench, request: pytest.FixtureRequest) -> Iterator[Run]:
     few = request.param == "few"
     problems = [module_bench.problem(f"p{n}", n) for n in ((3,) if few else (3, 8))]
     chosen = FEW if few else tuple(EXPECTED)
@@ -148,7 +149,9 @@ def run(module_bench, request: pytest.FixtureRequest) -> Run:
         assert done.returncode == 0, done.stderr
         assert module_bench.living() == []
         stores[name] = Store(module_bench.folder / output)
-    return Run(chosen, problems, stores)
+    yield Run(chosen, problems, stores)
+    for store in stores.values():
+        store.close()
 
 
 @pytest.mark.needs("cpbench_solvers")
@@ -228,10 +231,11 @@ def test_the_others_are_as_in_a_run_without_faults(run: Run, module_bench) -> No
         limits = ("--timeout", f"{LIMITS[name]}s", "--memory", "1G", "-o", output)
         alone = module_bench.run(sorted(set(table.address)), HEALTHY, *limits)
         assert alone.returncode == 0, alone.stderr
-        other = Store(module_bench.folder / output)
+        with Store(module_bench.folder / output) as other:
+            expected_table, expected = other.table(), dict(other.answers())
         mixed = table[table.solver.isin(HEALTHY)]
-        pd.testing.assert_frame_equal(mixed[SAME].reset_index(drop=True), other.table()[SAME], check_dtype=False)
-        answers, expected = dict(store.answers()), dict(other.answers())
+        pd.testing.assert_frame_equal(mixed[SAME].reset_index(drop=True), expected_table[SAME], check_dtype=False)
+        answers = dict(store.answers())
         assert {key: answers[key] for key in expected} == expected
 
 

@@ -89,4 +89,5 @@ def test_a_killed_run_leaves_no_folder_for_ever(bench) -> None:
     assert len(left) == 4, "two folders, each with its lock"
     assert bench.run([bench.problem("q", 3)], ["lemke"], "-o", "other.sqlite", **environment).returncode == 0
     assert not left & set(bench.folder.iterdir())
-    assert len(Store(bench.folder / "other.sqlite").table()) == 1
+    with Store(bench.folder / "other.sqlite") as store:
+        assert len(store.table()) == 1

@@ -59,7 +59,8 @@ def test_rows_have_the_distance_from_the_exact_solution_until_they_run_again(res
     assert command(folder, "certify", "r.sqlite").stdout == ""
     assert command(folder, "run", "two.h5", "-s", "lemke,psor", "--repeats", "1", "-o", "r.sqlite", "--no-report",
                    "--rerun", "all").returncode == 0  # fmt: skip
-    assert [row.certainty for row in Store(results).rows()] == [None, None]
+    with Store(results) as store:
+        assert [row.certainty for row in store.rows()] == [None, None]
     assert command(folder, "certify", "r.sqlite").stdout.count("proved") == 2
     assert command(folder, "certify", "r.sqlite", "-s", "lemke").returncode == 2
 

@@ -103,7 +103,8 @@ def test_a_run_asks_a_package_twice_and_says_so(tmp_path: Path) -> None:
     storage.save_pack({"small": problem}, tmp_path / "p.h5")
     done = command_line.cpbench(tmp_path, "run", "p.h5", "-s", "piqp", "-t", "1e-6", "-o", "r.sqlite", "--no-report")
     assert done.returncode == 0, done.stderr
-    (row,) = Store(tmp_path / "r.sqlite").rows()
+    with Store(tmp_path / "r.sqlite") as store:
+        (row,) = store.rows()
     assert (row.status, row.flags) == ("solved", "twice")
     assert row.error is not None
     assert row.error <= 1e-6
