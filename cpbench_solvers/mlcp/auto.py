@@ -49,6 +49,10 @@ class AutoMLCP(ByParts):
         return Plan(problem, ON_SMALL, solver.setup(problem, budget, own), own, solver)
 
     def phases(self, problem: MLCP) -> Sequence[SolverPhase]:
-        if problem.a.size + problem.b.size > LARGE and is_sparse(problem.A):
-            return [ON_SMALL[3], ON_SMALL[2], ON_SMALL[1], ON_SMALL[0]]
-        return ON_SMALL
+        lemke, minimum, fischer, interior, _ = ON_SMALL
+        if not is_sparse(problem.A):
+            return ON_SMALL
+        if problem.a.size + problem.b.size > LARGE:
+            return [interior, fischer, minimum, lemke]
+        # a singular A is dear to eliminate in dense storage, which the factorization of A tells
+        return [SolverPhase("lemke-mlcp", options={"tableau": False}), interior, lemke, minimum, fischer]

@@ -39,12 +39,13 @@ REGULAR = 1e-9
 class LemkeMLCPOptions:
     """Options of lemke-mlcp. `max_pivots` : 0 stands for 50m + 1000. `rank_tolerance` : entries up to this, in data
     scaled to size one, are no pivots for free unknowns. `pivot_tolerance`, `tie_tolerance` : of the ratio test, as
-    for lemke."""
+    for lemke. `tableau` : of more than 64 unknowns, free ones are eliminated in dense storage where A is singular."""
 
     max_pivots: int = 0
     rank_tolerance: float = 1e-10
     pivot_tolerance: float = 1e-11
     tie_tolerance: float = 1e-13
+    tableau: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +132,7 @@ def _large(prepared: PivotingData, budget: Budget, options: LemkeMLCPOptions, st
     error = scaled.error(x)
     if outcome != kernel.COMPLEMENTARY or not error <= budget.tolerance:
         outcome, x = run.of_basis(support[:0])
-        if outcome == kernel.STUCK:
+        if outcome == kernel.STUCK and options.tableau:
             outcome, x = run.by_tableau()
         error = scaled.error(x)
     counters = {"iterations": run.pivots, "pivots": run.pivots, "factorizations": run.factorizations}

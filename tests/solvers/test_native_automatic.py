@@ -11,7 +11,7 @@ from claims import assert_claim
 from tiers import some_by_day
 
 import cpbench
-from cpbench.formulations import AVI, LCP, AVIPoint, LCPPoint, Problem
+from cpbench.formulations import AVI, LCP, MLCP, AVIPoint, LCPPoint, Problem
 from cpbench.proofs import certified_infeasible
 from cpbench.solvers import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.solvers.base import solved
@@ -68,6 +68,20 @@ def test_products_with_a_sparse_matrix_cost_no_more_than_to_pivot_on_a_dense_one
     line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(300, 300)).tocsr()
     first = solvers.get("auto-lcp").phases(LCP(M=line, q=-np.ones(300)))[0]
     assert 2 * 300**2 < first.iterations * line.nnz <= 4 * 300**2
+
+
+@pytest.mark.parametrize("singular", [False, True])
+def test_free_unknowns_whose_matrix_is_singular_are_for_the_interior_point_where_it_is_sparse(singular: bool) -> None:
+    """A chain of 60 of them; A = 0, they are the multipliers of as many equations. The answers are planted."""
+    rng, n = np.random.default_rng(3), 60
+    line = sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
+    half, eye = np.arange(n) % 2, sp.eye_array(n, format="csr")
+    u, v, w = rng.standard_normal(n), half * rng.uniform(1.0, 2.0, n), (1 - half) * rng.uniform(1.0, 2.0, n)
+    A = sp.csr_array((n, n)) if singular else line
+    problem = MLCP(A=A, C=-eye, D=eye, B=line, a=v - A @ u, b=w - u - line @ v)
+    found = solvers.get("auto-mlcp").run(problem, Budget(tolerance=1e-8))
+    assert found.message.endswith("interior-point-mlcp: solved" if singular else "lemke-mlcp: solved")
+    np.testing.assert_allclose(found.point.v, v, atol=1e-6)
 
 
 def test_a_failed_solver_is_followed_by_the_next_and_the_message_names_both() -> None:
