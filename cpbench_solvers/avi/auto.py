@@ -33,7 +33,7 @@ class _Affine(ByParts):
 @register
 class AutoAVI(_Affine):
     """Lemke's method from a vertex of the polyhedron, Newton's where that is a box, and the mixed LCP with multipliers,
-    which is first where unknowns have no bound: M may be singular there."""
+    which is first where unknowns without bounds have no positive diagonal entry: M may be singular there."""
 
     spec: ClassVar[SolverSpec] = automatic_spec(
         "avi", "auto-avi", "pivoting from a vertex or as an MLCP, Newton on boxes"
@@ -52,7 +52,8 @@ class AutoAVI(_Affine):
         own = [SolverPhase("lemke-avi"), SolverPhase("newton-avi")]
         if problem.q.size > LARGE:
             return [own[1], *reversed(mixed), own[0]]
-        if np.any(np.isinf(problem.lb) & np.isinf(problem.ub)):
+        free = np.isinf(problem.lb) & np.isinf(problem.ub)
+        if np.any(problem.M.diagonal()[free] <= 0.0):
             return [mixed[0], *own, *mixed[1:]]
         return [*own, *mixed]
 
