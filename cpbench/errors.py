@@ -6,6 +6,7 @@ Every message says what is wrong, shows the evidence and names what to do. All o
 
 from __future__ import annotations
 
+import traceback
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,6 +19,17 @@ LISTED = 30
 
 class CpbenchError(Exception):
     """Something the user can mend: bad input, an unknown name, a missing route."""
+
+
+def described(error: BaseException) -> str:
+    """Return class and message of an exception, with the last line outside installed packages that it passed."""
+    try:
+        message = f": {error}"[:1_800]
+    except BaseException:
+        message = ", without a message (its __str__ raised)"
+    frames = traceback.extract_tb(error.__traceback__)
+    mine = next((frame for frame in reversed(frames) if "site-packages" not in frame.filename), *frames[-1:])
+    return f"{type(error).__name__}{message} ({mine.filename.rpartition('/')[2]}, line {mine.lineno})"
 
 
 class FormatError(CpbenchError):

@@ -81,7 +81,7 @@ def load_plugin(path: Path) -> None:
     """
     spec = importlib.util.spec_from_file_location(f"{PLUGIN_MODULE}{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise FormatError(path, "", "is neither a Python file nor a .toml, but CPBENCH_PLUGINS or --plugin names it")
+        raise FormatError(path, "", "is no plugin: expected a .py or .toml" if path.exists() else "no such file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     try:

@@ -17,7 +17,7 @@ from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp, small_problem
 
 CITATION = "Andersson et al., CasADi, Math. Prog. Comp. 11 (2019)"
 LICENCE = "LGPL-3.0-or-later"
-INSTALL = "pip install cpbench[casadi]"
+INSTALL = "pip install 'cpbench[casadi]'"
 UNKNOWNS = 4000
 """Most unknowns: the Jacobian is built as an expression and factorized by a sparse QR, which fills in."""
 CLAIMS = {

@@ -32,7 +32,7 @@ class Daqp(QPBackend):
         method="dual active set",
         citation="Arnström, Bemporad and Axehill, A dual active-set solver for embedded QP, IEEE TAC 67 (2022)",
         requires=("daqp",),
-        install="pip install cpbench[backends]",
+        install="pip install 'cpbench[backends]'",
         licence="MIT",
         traits=frozenset({Trait.DETERMINISTIC}),
         quick=True,

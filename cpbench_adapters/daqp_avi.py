@@ -30,7 +30,7 @@ class DaqpAVI(Solver):
         method="dual active set",
         citation="Arnström and Axehill, A dual active-set method for affine variational inequalities, 2024",
         requires=("daqp",),
-        install="pip install cpbench[backends]",
+        install="pip install 'cpbench[backends]'",
         licence="MIT",
         traits=frozenset({Trait.DETERMINISTIC}),
     )

@@ -27,7 +27,7 @@ class Highs(QPBackend):
         method="active set",
         citation="Huangfu and Hall, Math. Prog. Comp. 10 (2018); Feldmeier, PhD thesis, Edinburgh (2023)",
         requires=("highspy",),
-        install="pip install cpbench[backends]",
+        install="pip install 'cpbench[backends]'",
         licence="MIT",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
         known_failures={

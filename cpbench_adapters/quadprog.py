@@ -19,7 +19,7 @@ class Quadprog(QPSolversBackend):
         method="dual active set",
         citation="Goldfarb and Idnani, Math. Programming 27 (1983)",
         requires=("qpsolvers", "quadprog"),
-        install="pip install cpbench[gpl]",
+        install="pip install 'cpbench[gpl]'",
         licence="GPL-2.0-or-later",
         traits=frozenset({Trait.DETERMINISTIC}),
     )

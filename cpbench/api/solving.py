@@ -13,7 +13,7 @@ from cpbench.api.solution import Solution
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
 from cpbench.bench.planning.plan import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
-from cpbench.errors import Ended, NoRoute, NotApplicable, ProblemError, Unavailable
+from cpbench.errors import Ended, NoRoute, NotApplicable, ProblemError, Unavailable, described
 from cpbench.formulations.base import Kind, Problem
 from cpbench.formulations.programs import NLP
 from cpbench.foundation.child_processes import blas_threads
@@ -82,9 +82,8 @@ def solve(
     (True, [1.333333333333, 2.333333333333], 'direct')
     """
     if not isinstance(problem, Problem):
-        raise ProblemError(
-            "problem", f"is a {type(problem).__name__}, expected a Problem; cpbench.load reads one from a file"
-        )
+        where = "its attribute problem is one" if hasattr(problem, "problem") else "cpbench.load reads one from a file"
+        raise ProblemError("problem", f"is a {type(problem).__name__}, expected a Problem; {where}")
     for name, value in (("tolerance", tolerance), ("seconds", seconds), ("threads", threads)):
         if not value > 0:
             raise ProblemError(name, "must be positive")
@@ -135,7 +134,7 @@ def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kin
             return routed
         refused.append(f"{name}: {why}")
     tried = f" (tried: {refused[0]})" if refused else ""
-    raise NoRoute(f"no solver of cpbench takes this problem ({problem.node}): {_accepting_solvers(problem)}{tried}")
+    raise NoRoute(f"no automatic choice takes this problem ({problem.node}): {_accepting_solvers(problem)}{tried}")
 
 
 def _brought(
@@ -220,7 +219,7 @@ def _judged(
     except Exception as error:
         causes = {MemoryError: Status.MEMOUT, Ended: Status.CRASH}
         status = next((status for kind, status in causes.items() if isinstance(error, kind)), Status.ERROR)
-        message = f"{type(error).__name__}: {error}"
+        message = described(error)
         broken = ended(status=status, verdict=verification.no_answer(tolerance), seconds=spent, message=message)
         return broken, broken.error
     judgement = judge_answer(

@@ -14,7 +14,6 @@ import operator
 import os
 import tempfile
 import time
-import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -27,7 +26,7 @@ from cpbench.bench.processes import guard
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import limit_address_space
 from cpbench.bench.processes.meter import Meter, checksum
-from cpbench.errors import Ended, NotApplicable, Unavailable
+from cpbench.errors import Ended, NotApplicable, Unavailable, described
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
@@ -114,7 +113,7 @@ class SolverRunner:
             elif isinstance(error, Unavailable):
                 self.send(messages.SolverUnavailable(str(error)[:WORDS]))
             else:
-                self.send(messages.Failed(_described(error)))
+                self.send(messages.Failed(described(error)))
             return None
 
     # --------------------------------------------------------------------------------------------- steps
@@ -264,13 +263,3 @@ def _counters(reported: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
     if len(reported) > COUNTERS:
         notes.append(f"{len(reported)} counters, the first {COUNTERS} are kept")
     return counters, notes
-
-
-def _described(error: BaseException) -> str:
-    """Return class and message of an exception; where its message raises itself, the class and the place."""
-    name = type(error).__name__
-    try:
-        return f"{name}: {error}"[:WORDS]
-    except BaseException:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{name}, without a message (its __str__ raised), in {where.name}, line {where.lineno}"

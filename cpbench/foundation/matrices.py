@@ -56,7 +56,7 @@ def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> V
     except (TypeError, ValueError) as cause:
         raise ProblemError(label, f"not a vector of numbers ({cause})") from None
     if array.ndim != 1:
-        raise ProblemError(label, f"must be a vector, has shape {array.shape}")
+        raise ProblemError(label, f"must be a vector, has shape {array.shape}: numpy.ravel makes one")
     if finite:
         _require_finite(array, label)
     return freeze(array)

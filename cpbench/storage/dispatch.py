@@ -26,6 +26,7 @@ _HINTS = {
     **dict.fromkeys((".npy", ".npz", ".mtx", ".csv", ".txt"), _PACK),
     ".gz": "; unpack it first (gunzip)",
     ".json": " (MathOptFormat: mof)",
+    ".xml": "; a scene of MuJoCo is for cpbench audit mujoco FILE, and in Python for cpbench.from_mujoco",
 }
 """What to do with files that are no problem, by suffix."""
 

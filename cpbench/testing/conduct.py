@@ -7,14 +7,13 @@ A plugin that is being checked may do anything: code of others is called in a se
 from __future__ import annotations
 
 import dataclasses
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import SkipTest
 
 from cpbench.conversions.base import conversions, make
-from cpbench.errors import DuplicateName, FormatError, UnknownName
+from cpbench.errors import DuplicateName, FormatError, UnknownName, described
 from cpbench.formulations import formulations
 from cpbench.generators import generators
 from cpbench.registry import Registry, load_plugin
@@ -122,9 +121,7 @@ def conduct(item: Item, check: str) -> Mark:
             return Mark("known failure", _line(excuse))
         return Mark("failed", _line(str(why) or "an assertion of the check does not hold"))
     except Exception as why:
-        frame = traceback.extract_tb(why.__traceback__)[-1]
-        where = f"{Path(frame.filename).name}, line {frame.lineno}"
-        return Mark("failed", _line(f"{type(why).__name__}: {why} ({where})"))
+        return Mark("failed", _line(described(why)))
     if excuse is not None:
         return Mark("failed", f"passes, and known_failures says that it fails: take {check} out of it")
     return Mark("passed")

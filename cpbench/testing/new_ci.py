@@ -42,7 +42,7 @@ def texts(host: str, solver: str | None, build: str) -> dict[str, str]:
 def next_steps(host: str, folder: Path, solver: str | None, build: str) -> list[str]:
     """Return what is left to do."""
     if host != "shell":
-        source = f"it installs {package()} by pip: where that has another name for your machines, say it there"
+        source = f"it runs pip install {package()}: where no index has that, put git+URL of a repository there"
         if host == "github":
             return [source, "commit it; the next pull request has the verdict in the summary of its job"]
         return [source, "include it in .gitlab-ci.yml: include: {local: cpbench.gitlab-ci.yml}"]

@@ -70,12 +70,12 @@ class Engine(ABC):
 engines: Registry[type[Engine]] = Registry("engine", "cpbench_lab.audit.engines")
 
 
-def package(name: str) -> Any:
-    """Return a package; raises Unavailable where it is not installed."""
+def package(name: str, install: str = "") -> Any:
+    """Return a package; raises Unavailable where it is not installed. `install` : what pip installs, if not `name`."""
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise Unavailable("missing", f"{name} is not installed: pip install {name}") from None
+        raise Unavailable("missing", f"{name} is not installed: pip install {install or name}") from None
 
 
 def under_coulomb(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cpbench import graph, proofs
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning import plan
-from cpbench.errors import NoRoute, NotApplicable, Unavailable
+from cpbench.errors import NoRoute, NotApplicable, Unavailable, described
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.foundation.text import read_brackets
@@ -212,7 +212,7 @@ def solve_here(text: str, problem: Problem, budget: Budget, start: Any = None) -
         return Raw(status=Status.UNSUPPORTED, message=str(refusal))
     except Exception as error:
         status = Status.MEMOUT if isinstance(error, MemoryError) else Status.ERROR
-        return Raw(status=status, message=f"{type(error).__name__}: {error}", **recorder.trail())
+        return Raw(status=status, message=described(error), **recorder.trail())
     return Raw(
         claim=str(output.claim),
         message=output.message,

@@ -8,6 +8,7 @@ from typing import Any
 
 from cpbench.foundation.text import counted
 from cpbench.solvers.base import Claim
+from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import TrialOutcome
 from cpbench_lab.diagnosis.case import Cause, Remedy
 from cpbench_lab.diagnosis.complaint import Complaint
@@ -125,7 +126,8 @@ class Diagnosis:
             kinds = ", ".join(dict.fromkeys(one.cause.kind for one in self.suspected))
             why = f"no cause was confirmed, suspected: {kinds}"
         else:
-            why = "no cause was found"
+            message = " ".join(self.failed.message.split())
+            why = f"it raised {message}" if self.failed.status == Status.ERROR else "no cause was found"
         works = [one.remedy.text for one in self.tried if one.works]
         return right + why + (f"; what works: {works[0]}" if works else "")
 
@@ -140,4 +142,4 @@ class Diagnosis:
         elif self.suspected:
             yield f"  cause      none was confirmed, {counted(len(self.suspected), 'property', 'properties')} suspected"
         elif self.complaint is not None:
-            yield "  cause      none was found"
+            yield "  cause      none was found in the problem"

@@ -263,7 +263,7 @@ def alike(name: str, known: Collection[str]) -> str:
         if name in group and (others := [other for other in group if other in known]):
             return others[0]
     letters = {other.casefold(): other for other in known}
-    near = difflib.get_close_matches(name.casefold(), letters, n=1, cutoff=0.4)
+    near = difflib.get_close_matches(name.casefold(), letters, n=1, cutoff=0.6)
     return letters[near[0]] if near else ""
 
 
@@ -281,12 +281,9 @@ def refusal(form: ArrayForm, names: Collection[str]) -> tuple[str, str] | None:
         near = (alike(name, free) or alike(name, form.arrays) for name in unknown)
         hints = ", ".join(dict.fromkeys(filter(None, near)))
         verb, them = ("is no array", "it") if len(unknown) == 1 else ("are no arrays", "them")
-        cause = (
-            f"{verb} of {described}"
-            + (f", the nearest is {hints}" if hints else "")
-            + (f"; {absent} missing" if absent else "")
-        )
-        return ", ".join(unknown), f"{cause}: rename or remove {them}"
+        nearest_names = f", the nearest is {hints}" if hints else ""
+        rest = f"; {absent} missing" if absent else ""
+        return ", ".join(unknown), f"{verb} of {described}{nearest_names}{rest}: rename or remove {them}"
     if missing:
         return missing[0][0], f"is missing{' beside ' + missing[0][1] if missing[0][1] else ''}, expected {described}"
     return None

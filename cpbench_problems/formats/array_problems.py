@@ -50,6 +50,9 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: ArrayForm | Non
         elliptic = len(mu) == 2 and mu[1] == 2 and mu[0] > 1
         fits = [d for d in fits if (d.node == "afc") == elliptic]
     form = fits[0] if fits else array_forms.nearest(shapes)
+    if only is None and form.arrays.keys().isdisjoint(shapes):
+        cause = "have names of no form; an lcp is M, q, a QP P, q, G, h (cpbench list formats has all): rename them"
+        raise FormatError(path, ", ".join(sorted(shapes)), cause)
     given = [name for name in form.known() if name in shapes]
     dropped = absent(form, shapes)
     _require_one_reading(path, fits, shapes.keys() - dropped, only)

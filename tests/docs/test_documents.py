@@ -144,6 +144,15 @@ def test_the_declared_solvers_are_some(tmp_path: Path) -> None:
     assert re.findall(r"^\s*(mine\S*)", shown, re.MULTILINE) == ["mine", "mine@head"]
 
 
+@pytest.mark.parametrize(("looser", "failed"), [("", 0), ("1e6 * ", 3)])
+def test_the_least_solver_passes_its_check_and_fails_it_where_it_lies(looser: str, failed: int, tmp_path: Path) -> None:
+    (text,) = (block for language, block in blocks(ROOT / "docs/guides/solver-author.md") if language == "py")
+    (tmp_path / "least.py").write_text(text.replace("<= budget.tolerance", f"<= {looser}budget.tolerance"))
+    checked = [sys.executable, "-m", "cpbench", "check", str(tmp_path / "least.py")]
+    done = subprocess.run(checked, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.count("\n  failed ")) == (bool(failed), failed), done.stdout
+
+
 def test_decisions_have_a_title_a_date_and_a_part() -> None:
     folder = ROOT / "docs" / "decisions"
     numbers = []

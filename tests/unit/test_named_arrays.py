@@ -172,6 +172,15 @@ def test_bounds_by_other_names_are_refused_with_the_right_ones(tmp_path: Path) -
         storage.load(npz(tmp_path, FORMS["box QP"] | {"G": G, "h": h}))
 
 
+def test_other_names_are_refused_by_the_form_that_the_rest_fits(tmp_path: Path) -> None:
+    lcp = {"M": np.eye(2), "q": np.ones(2)}
+    with pytest.raises(FormatError, match=r"n, name: are no arrays of the form lcp \(M, q\): rename or remove them"):
+        storage.load(npz(tmp_path, lcp | {"n": np.array(2), "name": np.array("mine")}))
+    for arrays in ({"arr_0": lcp["M"], "arr_1": lcp["q"]}, {"first": lcp["M"], "second": lcp["q"]}):
+        with pytest.raises(FormatError, match=r"have names of no form; an lcp is M, q, a QP P, q, G, h"):
+            storage.load(mat(tmp_path, arrays))
+
+
 def test_cones_of_second_order_make_a_conic_program(tmp_path: Path) -> None:
     cone = storage.load(npz(tmp_path, FORMS["CVXOPT"]))
     assert isinstance(cone, ConeQP)

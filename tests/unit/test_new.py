@@ -377,7 +377,7 @@ solver(Modest, "modest")
         ("p.py", TAKEN, "the problem 'qp-planted' exists already"),
         ("p.toml", "[solver.p]\nnode = 'lcp'", "neither command nor serve"),
         ("p.toml", "[solver", "not valid TOML"),
-        ("nowhere.py", None, "neither a Python file"),
+        ("nowhere.py", None, "nowhere.py: no such file"),
         ("nowhere.toml", None, "nowhere.toml"),
     ],
 )

@@ -205,6 +205,7 @@ def test_not_hdf5(tmp_path: Path) -> None:
             "run 'git lfs pull'",
         ),
         ("unknown.xyz", b"hello", "is in no known format"),
+        ("scene.xml", b"<mujoco/>", "is for cpbench audit mujoco FILE, and in Python for cpbench.from_mujoco"),
         ("binary.dat", b"3 \x00\x01", "is not a text file"),
     ):
         (tmp_path / name).write_bytes(content)

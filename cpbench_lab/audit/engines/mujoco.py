@@ -38,7 +38,7 @@ class MuJoCo(Engine):
     law: ClassVar[str] = "min over accelerations with R and a_ref, elliptic or pyramidal cones (data.efc_*)"
 
     def __init__(self, scene: Path, options: Mapping[str, str]) -> None:
-        mujoco = self.mujoco = package("mujoco")
+        mujoco = self.mujoco = package("mujoco", "'cpbench[mujoco]'")
         try:
             model = self.model = mujoco.MjModel.from_xml_path(str(scene))
         except ValueError as cause:
