@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ class Bench:
     """A folder with problems, and the runs in it."""
 
     folder: Path
+    opened: ExitStack = field(default_factory=ExitStack)
 
     def problem(self, name: str, n: int) -> str:
         """Strictly diagonally dominant M with the planted solution z = e: q = -Me."""
@@ -52,7 +54,7 @@ class Bench:
         )
 
     def store(self) -> Store:
-        return Store(self.folder / "r.sqlite")
+        return self.opened.enter_context(Store(self.folder / "r.sqlite"))
 
     @property
     def grace(self) -> float:
@@ -73,10 +75,14 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path)
+    with bench.opened:
+        yield bench
 
 
 @pytest.fixture(scope="module")
-def module_bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    return Bench(tmp_path_factory.mktemp("faults"))
+def module_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    bench = Bench(tmp_path_factory.mktemp("faults"))
+    with bench.opened:
+        yield bench
