@@ -119,14 +119,8 @@ def _looked_at(address: str, certificates: Path, seconds: float, tolerance: floa
     try:
         problem = storage.load(address)
     except FormatError as cause:
-        return {
-            **none,
-            "fingerprint": "",
-            "formulation": "",
-            "unknowns": 0,
-            "level": "unreadable",
-            "text": cause.cause,
-        }
+        unread = {"fingerprint": "", "formulation": "", "unknowns": 0}
+        return none | unread | {"level": "unreadable", "text": cause.cause}
     row = {**none, "fingerprint": problem.fingerprint, "formulation": problem.node, "unknowns": unknowns(problem)}
     try:
         certificate = certify_first(problem, seconds, tolerance)[1]

@@ -33,7 +33,7 @@ from cpbench_solvers.traits import ITERATIVE
 NEARER = 0.1
 """A member goes on from where it was, unless another one has come to this share of its error (docs/decisions/0287)."""
 FINER = 0.1
-"""Of the tolerance, asked for on a problem of another formulation, whose measure is another one."""
+"""Share of the tolerance that is asked for on a problem of another formulation, whose measure is another one."""
 FIRST_TURN = {
     **dict.fromkeys(("semismooth Newton", "Newton with pivoting", "Josephy-Newton"), 50),
     **dict.fromkeys(("projection", "operator splitting"), 1_000),
@@ -84,7 +84,7 @@ class AutomaticChoice(Solver):
     members: ClassVar[tuple[str, ...]]
     """Every solver that `phases` may name."""
     worth: ClassVar[float] = 1.0
-    """Of an answer that the next solver starts from, the error below: a scaled one is about 1 at zero."""
+    """Error below which an answer is a start for the next solver: a scaled one is about 1 at zero."""
 
     def error(self, problem: Any, point: Any, tolerance: float) -> float:
         """Return the error of an answer of which no member of our own says that it is solved."""

@@ -20,8 +20,6 @@ from cpbench.formulations.programs import QP
 
 PROOF_SECONDS = 20.0
 """Longest search, in seconds, for a proof that the problem has no solution."""
-OPTIMALITY_GAP = "optimality_gap"
-"""How far the objective of an answer is from the proved optimal value, over the size of that where it is above 1."""
 PACKAGE = Path(__file__).resolve().parents[1]
 TABLES = PACKAGE / "problems/optima.csv", PACKAGE.parent / "reports/optima/table.csv"
 """Proved optima in an installed package, and in a checkout (`cpbench certify --all` writes such a table)."""
@@ -126,28 +124,32 @@ def judge_answer(
 
 
 def with_others(verdict: verification.Verdict, problem: Problem, point: Any) -> verification.Verdict:
-    """Return the verdict with the numbers that reports print beside its error, which decide nothing."""
-    if not point.finite:
-        return verdict
-    others = verification.beside(problem, point)
-    if isinstance(problem, QP) and (optimum := proved_optima().get(problem.fingerprint)) is not None:
-        with np.errstate(all="ignore"):
-            value = problem.objective(point.z)
-        off = max(optimum[0] - value, value - optimum[1], 0.0) / max(1.0, abs(optimum[0]))
-        others[OPTIMALITY_GAP] = off if math.isfinite(value) else math.inf
-    return replace(verdict, parts={**verdict.parts, **others})
+    """Return the verdict with the number of others that reports print beside its error, which decides nothing."""
+    return replace(verdict, parts={**verdict.parts, **verification.beside(problem, point)}) if point.finite else verdict
+
+
+def optimality_gap(problem: Problem, point: Any) -> dict[str, float]:
+    """Return how far the objective of an answer is from the proved optimal value, over the size of that where it is
+    above 1, by name; nothing where none is proved. A problem is known by its fingerprint, which takes longer than to
+    judge a small one: `run` has it, and `solve` does not ask."""
+    if not (isinstance(problem, QP) and point is not None and point.finite and problem.fingerprint in proved_optima()):
+        return {}
+    low, high = proved_optima()[problem.fingerprint]
+    with np.errstate(all="ignore"):
+        value = problem.objective(point.z)
+    gap = max(low - value, value - high, 0.0) / max(1.0, abs(low))
+    return {verification.OPTIMALITY_GAP: gap if math.isfinite(value) else math.inf}
 
 
 @cache
 def proved_optima() -> Mapping[str, tuple[float, float]]:
     """Return doubles around the proved optimal value of quadratic programs by fingerprint, without the constant that a
     file may have; empty where neither of TABLES is there."""
-    table = next((path for path in TABLES if path.is_file()), None)
-    if table is None:
-        return {}
-    with table.open(newline="", encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["bare_low"] and row["convex"]]
-    return {row["fingerprint"]: (float(row["bare_low"]), float(row["bare_high"])) for row in rows}
+    for table in filter(Path.is_file, TABLES):
+        with table.open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.DictReader(file) if row["bare_low"] and row["convex"]]
+        return {row["fingerprint"]: (float(row["bare_low"]), float(row["bare_high"])) for row in rows}
+    return {}
 
 
 def look_for_proof(

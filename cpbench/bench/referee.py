@@ -15,7 +15,7 @@ from typing import Any
 from cpbench import graph, proofs, storage, verification
 from cpbench.bench import messages, starts
 from cpbench.bench.history import RecordedIterates, coarse_to_fine
-from cpbench.bench.judging import judge_answer, look_for_proof
+from cpbench.bench.judging import judge_answer, look_for_proof, optimality_gap
 from cpbench.bench.planning.features import features
 from cpbench.bench.planning.plan import Request, parse_request
 from cpbench.bench.problem_cache import ConvertedProblem, ProblemCache
@@ -149,7 +149,7 @@ class Referee:
             error=judgement.verdict.error,
             target_error=None if judgement.target is None else judgement.target.error,
             flags=tuple(judgement.flags),
-            parts={**judgement.verdict.judged, **judgement.verdict.parts},
+            parts={**judgement.verdict.judged, **judgement.verdict.parts, **optimality_gap(source, judgement.point)},
             lift=judgement.lift,
             verify=judgement.verify,
             vectors=({} if judgement.point is None else {"answer": pack_answer(judgement.point)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from cpbench import storage, verification
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
-from cpbench.bench.judging import with_others
+from cpbench.bench.judging import optimality_gap, with_others
 from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.cli.answered import answer_lines
 from cpbench.cli.options import format_option, measure_option, number, tolerance_option
@@ -80,6 +81,7 @@ def command(
         given = stored[0]
     point, completed = multipliers.whole(loaded, given, tolerance)
     verdict = with_others(verify(loaded, point, tolerance=tolerance, measure=measure), loaded, point)
+    verdict = replace(verdict, parts={**verdict.parts, **optimality_gap(loaded, point)})
     if all_measures:
         lines = _table(extensions.hook("all_measures")(loaded, point, tolerance), tolerance)
     else:

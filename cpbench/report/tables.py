@@ -33,7 +33,7 @@ from cpbench.report.figures import EMPHASISED
 from cpbench.report.run import ComparedTimes, ProblemOrigin, Run
 from cpbench.report.templating import Table
 from cpbench.report.text import cut, number, seconds
-from cpbench.verification import BESIDE, Status
+from cpbench.verification import BESIDE, OPTIMALITY_GAP, Status
 
 NOWHERE = ProblemOrigin("", "")
 LISTED = 40
@@ -76,7 +76,7 @@ def of_group(run: Run, group: ResultGroup, rows: pd.DataFrame, ranking: Ranking 
         "times": _times(rows, order, run.compared[group]),
         "verdicts": _verdicts(rows, order),
         "beside": _beside(group, rows, order, BESIDE.get(group.node, "")),
-        "optima": _beside(group, rows, order, "optimality_gap"),
+        "optima": _beside(group, rows, order, OPTIMALITY_GAP),
         "families": _families(rows),
         "precision": precision(rows, run.histories),
     }

@@ -28,7 +28,7 @@ _HINTS = {
     ".json": " (MathOptFormat: mof)",
     ".xml": "; a scene of MuJoCo is for cpbench audit mujoco FILE, and in Python for cpbench.from_mujoco",
 }
-"""What to do with files that are no problem, by suffix."""
+"""Advice on files that are no problem, by suffix."""
 
 
 def load(path: str | Path, *, format: str | None = None) -> Problem:

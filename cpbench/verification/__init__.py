@@ -1,6 +1,6 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.published import BESIDE, beside
+from cpbench.verification.published import BESIDE, OPTIMALITY_GAP, beside
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
     CONTRADICTION,
@@ -31,6 +31,7 @@ __all__ = [
     "FALSE_CLAIMS",
     "INACCURATE_FACTOR",
     "MET_TOLERANCE",
+    "OPTIMALITY_GAP",
     "PROVEN",
     "REFUSED",
     "TARGET_UNRESOLVABLE",

@@ -25,6 +25,9 @@ BESIDE: Mapping[str, str] = {
 }
 """The one number of others that a report prints beside the error of each formulation: of Clarabel, Siconos, FCLIB."""
 
+OPTIMALITY_GAP = "optimality_gap"
+"""Number of an answer to a qp whose optimal value is proved, which a report prints in the same way."""
+
 
 def rows_of(P: Any, point: Any) -> tuple[Vector, Vector, Vector, Vector]:
     """Return (z, Az, Cz) of an answer to a qp, their lower and upper sides, and their multipliers."""

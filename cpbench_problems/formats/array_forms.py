@@ -168,7 +168,7 @@ OTHERS = (
 )  # fmt: skip
 FOREIGN = (*PROGRAMS, *OTHERS, ENGINE, DELASSUS)
 _QP = program("½ xᵀ Q x + pᵀ x", "A x ≥ b, C x = d, lb ≤ x ≤ ub")
-"""What the names of cpbench's own programs mean, to be compared with those of packages."""
+"""Meanings of the names of cpbench's own programs, to be compared with those of packages."""
 
 _CONTAINED = {"relay": "avi"}
 """Formulations whose arrays have the names of a wider one, which is read instead: its bounds may be infinite."""

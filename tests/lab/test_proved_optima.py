@@ -23,7 +23,7 @@ from cpbench_lab.certificates.exact_rows import ExactRows, rational, solve
 from cpbench_lab.certificates.refinement import refined
 from cpbench_lab.certificates.uniqueness import convexity
 
-GAP = judging.OPTIMALITY_GAP
+GAP = judging.verification.OPTIMALITY_GAP
 PUBLISHED = "# of nobody\nproblem,value\nPLAIN,-2.5e+00\nsum,-1.002\n"
 """That of `plain` is right; that of `sum` is off by 2 units of its last digit."""
 
@@ -126,11 +126,11 @@ def test_answers_stand_beside_the_proved_optimum(
     monkeypatch.setattr(judging, "TABLES", (folder / "none.csv", folder / "out" / "table.csv"))
     monkeypatch.setattr(judging, "proved_optima", judging.proved_optima.__wrapped__)
     problem = cp.load(folder / "files" / "plain.h5")
-    gaps = [judging.with_others(judging.verification.judge(problem, point, 1e-6), problem, point).parts[GAP]
+    gaps = [judging.optimality_gap(problem, point)[GAP]
             for point in (cp.solve(problem).point, problem.point_from_vector([0.5, 0.5, 0.0, 0.0, 0.0]))]  # fmt: skip
     assert (gaps[0] < 1e-12, gaps[1]) == (True, 0.5)
     monkeypatch.setattr(judging, "TABLES", ())
-    assert GAP not in judging.with_others(cp.verify(problem, cp.solve(problem)), problem, cp.solve(problem).point).parts
+    assert GAP not in judging.optimality_gap(problem, cp.solve(problem).point)
 
 
 def test_its_certificates_prove_it_without_cpbench(table: pd.DataFrame, folder: Path, tmp_path: Path) -> None:
