@@ -30,9 +30,8 @@ from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense, dense
 from cpbench_problems.generators.lcp_classics import fathi, murty
 from cpbench_problems.scenes import simulation as scenes
-from cpbench_problems.scenes.kinematics import own_axes
 from cpbench_problems.scenes.motions import incline
-from cpbench_problems.scenes.stepper import contact_problem
+from cpbench_problems.scenes.stepper import contact_problem, own_axes
 
 FOLDER = Path(__file__).resolve().parents[1] / "reports" / "reproductions"
 COLUMNS = ("problem", "solver", "tolerance", "status", "time", "count", "what", "message")

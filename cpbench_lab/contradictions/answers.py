@@ -17,7 +17,7 @@ from cpbench.formulations.linear import Relay
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
 from cpbench_lab.contradictions import forward_error
-from cpbench_lab.contradictions.optimality import meets_conditions, objective_unit
+from cpbench_lab.contradictions.forward_error import meets_conditions, objective_unit
 
 PROGRAMS = (QP, ConeQP)
 """Formulations with a quadratic objective."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
-from cpbench import verification
-from cpbench.solvers.base import Claim
+from cpbench import graph, verification
+from cpbench.formulations.base import Problem
+from cpbench.solvers.base import Claim, Solver, automatic_solver, missing, solvers
 from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
@@ -15,7 +16,6 @@ from cpbench_lab.diagnosis.causes import DETECTORS
 from cpbench_lab.diagnosis.complaint import NOTICEABLE, Complaint, complaint_of
 from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnosis import Diagnosis, Suspect, Tried
-from cpbench_lab.diagnosis.remedies import TRIES, choice, families
 
 
 def diagnose(
@@ -172,3 +172,55 @@ class _Inquiry:
             return Tried(remedy, found, found.error, self.complaint.met(found, found.solved))
         verdict = verification.judge(self.trial.problem, remedy.back(found.answer), self.trial.tolerance)
         return Tried(remedy, found, verdict.error, self.complaint.met(found, verdict.solved))
+
+
+# -------------------------------------------------------------------------------------------------------- other solvers
+
+TRIES = 3
+"""Remedies of a family that are tried at most."""
+
+
+def choice(problem: Problem) -> str | None:
+    """Return the automatic choice for a problem's formulation; None where there is none."""
+    return automatic_solver(problem.node)
+
+
+def families(case: FailedTrial, foreign: bool) -> Iterator[Iterator[Remedy]]:
+    """Yield families of solvers, by exact conversions, each to be tried until one of it works.
+
+    They are the automatic choice of the problem's formulation; one solver of each other method of this formulation and
+    of the failed solver's; and one of each method that is still missing, of formulations that an exact route leads to,
+    the nearest first. Where all are asked (`foreign`) those installed are taken, else those of cpbench alone.
+    """
+    failed, own = case.solver.spec, choice(case.problem)
+    if own is not None and own != failed.name:
+        yield iter([_remedy(case, solvers.get(own))])
+    near = tuple(dict.fromkeys((case.problem.node, failed.node)))
+    methods = {failed.method, "automatic choice"}
+    yield _of_nodes(case, near, methods, foreign)
+    yield _of_nodes(case, _other_nodes(case, near), methods, foreign)
+
+
+def _of_nodes(case: FailedTrial, nodes: tuple[str, ...], methods: set[str], foreign: bool) -> Iterator[Remedy]:
+    """Yield one solver of each method that is not in `methods` yet, which grows."""
+    for node in nodes:
+        for solver in solvers:
+            spec = solver.spec
+            fits = spec.node == node and spec.kind.exact and spec.by_default and spec.method not in methods
+            if fits and (solver.origin == "native" or (foreign and not missing(spec))):
+                methods.add(spec.method)
+                yield _remedy(case, solver)
+
+
+def _other_nodes(case: FailedTrial, near: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the other formulations that an exact route leads to, those at the cheapest routes first."""
+    source = case.problem.node
+    others = [node for node in graph.reachable(source) if node not in near]
+    routes = {node: graph.candidates(source, node) for node in others}
+    return tuple(sorted((node for node in others if routes[node]), key=lambda node: routes[node][0].cost))
+
+
+def _remedy(case: FailedTrial, solver: Solver) -> Remedy:
+    trial = replace(case.trial, solver=solver.spec.name, via=())
+    there = "" if solver.spec.node == case.problem.node else f", of {solver.spec.node}"
+    return Remedy(text=f"{solver.spec.name} ({solver.spec.method}{there})", trial=trial)

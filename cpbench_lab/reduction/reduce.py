@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from cpbench.foundation import matrices
 from cpbench.graph import arrive, nodes_of_maps
 from cpbench.solvers.base import solvers
 from cpbench_lab.reduction import numbers
-from cpbench_lab.reduction.minimize import minimized
 from cpbench_lab.reduction.parts import RemovablePart, condensed, kinds, without
 from cpbench_lab.reduction.trials import CandidateOutcome, Trials
 
@@ -187,3 +186,50 @@ def semidefinite(problem: Problem, name: str) -> bool:
     if M is None or M.shape[0] != M.shape[1]:
         return False
     return matrices.is_psd(M if matrices.is_symmetric(M) else (M + M.T) / 2)
+
+
+# ------------------------------------------------------------------------------------------------------- shortest lists
+
+T = TypeVar("T")
+
+FEW = 12
+"""Chunks of a size that are tried by themselves, at most."""
+
+
+def minimized(items: Sequence[T], holds: Callable[[Sequence[T]], bool]) -> list[T]:
+    """Return a part of the items for which the predicate holds and fails without any single one of them.
+
+    Short chunks are tried by themselves first, for what is short is solved fast: of one item, of two, of four, a few
+    over the whole list. Then chunks are left out, of half of the items at first, of one each at last, until nothing can
+    be left out any more. The predicate is not asked about the whole list, for which it has to hold.
+
+    >>> minimized(range(100), lambda some: {17, 42} <= set(some))
+    [17, 42]
+    """
+    kept = _short(list(items), holds)
+    size = len(kept)
+    while size:
+        size = min((size + 1) // 2, len(kept))
+        start, shorter = 0, False
+        while start < len(kept):
+            rest = kept[:start] + kept[start + size :]
+            if holds(rest):
+                kept, shorter = rest, True
+            else:
+                start += size
+        if size == 1 and not shorter:
+            break
+    return kept
+
+
+def _short(items: list[T], holds: Callable[[Sequence[T]], bool]) -> list[T]:
+    """Return the first short chunk for which the predicate holds, all items where there is none."""
+    size = 1
+    while size <= len(items) // 4:
+        stride = max(-(-len(items) // FEW), size)
+        for start in range(0, len(items), stride):
+            chunk = items[start : start + size]
+            if holds(chunk):
+                return chunk
+        size *= 2
+    return items

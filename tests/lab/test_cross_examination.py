@@ -16,7 +16,7 @@ import cpbench as cp
 from cpbench.formulations.base import Problem
 from cpbench_lab.contradictions import forward_error
 from cpbench_lab.contradictions.answers import KeptAnswer, of_answers
-from cpbench_lab.contradictions.optimality import meets_conditions
+from cpbench_lab.contradictions.forward_error import meets_conditions
 
 PLANTED = Path(__file__).resolve().parents[1] / "broken" / "contradictory.py"
 EPS = 1e-6

@@ -14,8 +14,7 @@ from test_reduce import PLUGIN
 import cpbench
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError
-from cpbench_lab.reduction.hunting.hunt import failure
-from cpbench_lab.reduction.hunting.mutations import MUTATIONS
+from cpbench_lab.reduction.hunting.hunt import MUTATIONS, failure
 
 
 @pytest.mark.parametrize("name", MUTATIONS)

@@ -16,9 +16,9 @@ import cpbench
 from cpbench.formulations import LCP, Problem, formulations
 from cpbench.generators import generators
 from cpbench_lab.reduction import numbers
-from cpbench_lab.reduction.minimize import minimized
 from cpbench_lab.reduction.parts import condensed, kinds, without
 from cpbench_lab.reduction.predicate import parse_predicate, predicate_of
+from cpbench_lab.reduction.reduce import minimized
 
 PLUGIN = """
 import os
