@@ -6,19 +6,17 @@ The import of a guest takes seconds and may crash or hang, hence the process, wh
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import groupby
-from multiprocessing.context import ForkServerContext
+from typing import Any
 
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
-from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.processes.server import NoAnswer, ServerProcess, serve
 from cpbench.bench.time_limits import START
-from cpbench.bench.worker_pool import describe_exit
-from cpbench.foundation import frames
 from cpbench.solvers.base import Solver, package_version, solvers
 
 PATIENCE = START.floor
@@ -78,71 +76,43 @@ def examine(chosen: Iterable[Solver]) -> Iterator[SolverState]:
         glances = [glance(solver) for solver in members]
         yield from (seen for seen in glances if seen.state in ("missing", "ok"))
         waiting.append([seen.name for seen in glances if seen.state not in ("missing", "ok")])
-    trial, pool = _Trial(context(1)), ThreadPoolExecutor(SIDE_BY_SIDE)
+    servers, pool = [ServerProcess(context(1), _main) for _ in waiting], ThreadPoolExecutor(SIDE_BY_SIDE)
     try:
-        for done in as_completed([pool.submit(trial.states, names) for names in waiting]):
+        for done in as_completed([pool.submit(_answered, *each) for each in zip(servers, waiting, strict=True)]):
             yield from done.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        trial.stop()
+        for server in servers:
+            server.stop()
 
 
 def _guest(solver: Solver) -> tuple[str, tuple[str, ...]]:
     return type(solver).__module__, solver.spec.requires
 
 
-class _Trial:
-    """Processes that import guests, each started and waited for by a thread."""
-
-    def __init__(self, means: ForkServerContext) -> None:
-        self._means = means
-        self._children: list[Child] = []
-        self._stopped = False
-
-    def stop(self) -> None:
-        """End the processes at work; no other one is started."""
-        self._stopped = True
-        for child in list(self._children):
-            child.kill_all()
-
-    def states(self, names: Sequence[str]) -> list[SolverState]:
-        """Return the states of the solvers; one that ends its process leaves the others a new one."""
-        states: list[SolverState] = []
-        while len(states) < len(names) and not self._stopped:
-            states += self._answered(names[len(states) :])
-        return states
-
-    def _answered(self, names: Sequence[str]) -> list[SolverState]:
-        """Return the states of the first solvers, up to and with the one that ended the process."""
-        states: list[SolverState] = []
-        child, why = None, ""
-        try:
-            child = Child(self._means, _main, (list(names),))
-            self._children.append(child)
-            for name in names:
-                header, _ = frames.unpack(child.receive(PATIENCE))
-                states.append(SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"])))
-            return states
-        except TimedOut:
-            why = f"did not answer within {PATIENCE:g} s"
-        except Died as death:
-            why = f"{death.output}\n{describe_exit(death)}".strip()
-        except (frames.FrameError, KeyError) as noise:
-            why = f"sent no valid message: {noise}"
-        finally:
-            if child is not None:
-                self._children.remove(child)
-                child.kill()
-        return [*states, SolverState(names[len(states)], "broken", why)]
+def _answered(server: ServerProcess, names: Sequence[str]) -> list[SolverState]:
+    """Return the states of the solvers; one that ends the process leaves the others a new one."""
+    states: list[SolverState] = []
+    with server:
+        for name in names:
+            try:
+                header, _ = server.ask(PATIENCE, {"name": name})
+                states.append(SolverState(name, *(str(header[part]) for part in ("state", "detail", "version"))))
+            except (NoAnswer, KeyError) as end:
+                states.append(SolverState(name, "broken", str(end)))
+    return states
 
 
-def _main(channel: Channel, names: Sequence[str]) -> None:
-    """Send one message for each solver; runs in the process."""
-    for name in names:
-        solver = solvers.get(name)
+def _main(channel: Channel) -> None:
+    """Look at one solver after the other; runs in the process."""
+
+    def answer(request: Mapping[str, Any], _: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, Any]]:
+        solver = solvers.get(request["name"])
         try:
             state = solver.availability()
-            result = {"state": state.state, "detail": state.detail, "version": solver.version() if state.ok else ""}
+            version = solver.version() if state.ok else ""
+            return {"state": state.state, "detail": state.detail, "version": version}, {}
         except Exception:
-            result = {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}
-        channel.send_bytes(frames.pack(result))
+            return {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}, {}
+
+    serve(channel, answer)

@@ -13,10 +13,9 @@ import numpy as np
 
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
-from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.processes.server import NoAnswer, ServerProcess, serve
 from cpbench.bench.time_limits import START
 from cpbench.bench.worker_pool import Setting
-from cpbench.foundation import frames
 
 ORDER = 200
 """Order of the dense system: about a millisecond, and a third of a megabyte, which stays in the cache."""
@@ -27,18 +26,11 @@ PATIENCE = 30.0
 """Seconds to wait for a solve of milliseconds; a slower machine is not fit for measurements."""
 
 
-class Reference:
-    """A process of its own with one linear system. Use as a context manager."""
+class Reference(ServerProcess):
+    """A process of its own with one linear system."""
 
     def __init__(self, setting: Setting) -> None:
-        self._setting = setting
-        self._child: Child | None = None
-
-    def __enter__(self) -> Reference:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._end()
+        super().__init__(context(setting.threads), main, cpus=setting.cpus)
 
     def measure(self) -> tuple[float, float | None]:
         """Return the median seconds of the solve, and the load of the machine where the system tells it.
@@ -47,34 +39,18 @@ class Reference:
         """
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         try:
-            if self._child is None:
-                self._child = Child(context(self._setting.threads), main, (), cpus=self._setting.cpus)
-                self._child.receive(START.floor)
-            self._child.send(frames.pack({}), PATIENCE)
-            reply, _ = frames.unpack(self._child.receive(PATIENCE))
-        except (TimedOut, Died):
-            self._end()
+            reply, _ = self.ask(PATIENCE if self.running else START.floor, {})
+        except NoAnswer:
             return float("nan"), load
         return statistics.median(reply["seconds"]), load
 
-    def _end(self) -> None:
-        child, self._child = self._child, None
-        if child is not None:
-            child.kill()
 
-
-def main(connection: Channel) -> None:
-    """Solve at every request, until the runner closes the connection."""
+def main(channel: Channel) -> None:
+    """Solve at every request, until the runner closes the channel."""
     rng = np.random.default_rng(0)
     A, b = rng.standard_normal((ORDER, ORDER)), rng.standard_normal(ORDER)
     np.linalg.solve(A, b)  # LAPACK is loaded
-    connection.send_bytes(frames.pack({"event": "ready"}))
-    while True:
-        try:
-            connection.recv_bytes()
-        except EOFError:
-            return
-        connection.send_bytes(frames.pack({"seconds": [_timed(A, b) for _ in range(REPEATS)]}))
+    serve(channel, lambda *_: ({"seconds": [_timed(A, b) for _ in range(REPEATS)]}, {}))
 
 
 def _timed(A: np.ndarray, b: np.ndarray) -> float:

@@ -27,7 +27,7 @@ from cpbench.bench.referee import HISTORY_SECONDS
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import GRACE, LOAD, REFEREE
 from cpbench.bench.worker import WORDS
-from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool, describe_exit, hear
+from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool, hear
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.foundation import frames
@@ -295,7 +295,7 @@ class PairRun:
         except Died as death:
             self.workers.drop(self.name)
             status = "memout" if death.out_of_memory else "crash"
-            raise RunStopped(status, describe_exit(death), signal=death.signal, code=death.code) from None
+            raise RunStopped(status, str(death), signal=death.signal, code=death.code) from None
         raise self._without_answer(reply)
 
     def _without_answer(self, reply: messages.Message) -> RunStopped:
@@ -352,7 +352,7 @@ class PairRun:
         except TimedOut:
             lost = f"killed after {patience:g} s"
         except Died as death:
-            lost = describe_exit(death)
+            lost = str(death)
         except frames.FrameError as noise:
             lost = f"no valid message: {noise}"
         self.workers.drop(self.name)

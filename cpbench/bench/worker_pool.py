@@ -82,7 +82,7 @@ class RefereeClient:
         except TimedOut:
             reply = messages.Late(f"no reply within {seconds:g} s")
         except Died as death:
-            reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(describe_exit(death))
+            reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(str(death))
         except frames.FrameError as noise:
             reply = messages.Gone(str(noise))
         self.close()  # its state is unknown; the next request starts a new one
@@ -183,7 +183,7 @@ class WorkerPool:
         except TimedOut:
             reply = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
         except Died as death:
-            reply = messages.Gone(describe_exit(death))
+            reply = messages.Gone(str(death))
         except frames.FrameError as noise:
             reply = messages.Failed(str(noise))
         self.drop(name)
@@ -202,8 +202,3 @@ class WorkerPool:
 def hear(worker: Child, seconds: float) -> messages.Message:
     """Return the next message of a worker; raises as `Child.receive` does, and FrameError."""
     return messages.unpack(worker.receive(seconds), frames.UNTRUSTED_HEADER)
-
-
-def describe_exit(death: Died) -> str:
-    """Describe the cause of a death and the end of its output."""
-    return f"{death.cause}: {death.output}" if death.output else death.cause

@@ -17,13 +17,11 @@ import click
 
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
-from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.processes.server import NoAnswer, ServerProcess, serve
 from cpbench.bench.time_limits import START, WARM_UP
-from cpbench.bench.worker_pool import describe_exit
 from cpbench.cli.options import ListOption
 from cpbench.cli.types import DURATION
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.foundation import frames
 from cpbench.registry import PLUGIN_FILES
 from cpbench.testing.conduct import Item, Mark, conduct, named, registered_by
 
@@ -75,31 +73,22 @@ def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> 
         sys.exit(1)
 
 
-class _NoAnswer(Exception):
-    """End of a request to the process without an answer, and why."""
-
-
-class PluginChecker:
-    """Checks of a plugin, a file or a registered name; a context manager, which ends its process."""
+class PluginChecker(ServerProcess):
+    """A process that checks a plugin, a file or a registered name."""
 
     def __init__(self, plugin: str, seconds: float) -> None:
+        super().__init__(context(1), _main, (plugin,))
         self._plugin, self._seconds = plugin, seconds
-        self._context = context(1)
-        self._child: Child | None = None
-
-    def __enter__(self) -> PluginChecker:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._close()
 
     def items(self) -> list[Item]:
         """Return what there is to check. Raises CpbenchError when the plugin does not load."""
         try:
-            entries = self._ask({"do": "items"}, START.floor)["items"]
-            return [Item(kind, name, tuple(nodes)) for kind, name, nodes in entries]
-        except _NoAnswer as end:
+            answer, _ = self.ask(START.floor, {"do": "items"})
+        except NoAnswer as end:
             raise CpbenchError(f"{self._plugin}: while it is loaded: {end}") from None
+        if "refused" in answer:
+            raise CpbenchError(str(answer["refused"]))
+        return [Item(kind, name, tuple(nodes)) for kind, name, nodes in answer["items"]]
 
     def marks(self, item: Item, only: tuple[str, ...] = ()) -> Iterator[tuple[str, Mark]]:
         """Yield every check of one item, or those in `only`, with its mark. A solver that cannot run is not checked."""
@@ -114,59 +103,31 @@ class PluginChecker:
 
     def _mark(self, item: Item, check: str, seconds: float) -> Mark:
         try:
-            if self._child is None:
+            if not self.running:
                 self.items()
-            answer = self._ask({"do": check, "kind": item.kind, "name": item.name}, seconds)
+            answer, _ = self.ask(seconds, {"do": check, "kind": item.kind, "name": item.name})
             return Mark(str(answer["word"]), str(answer["reason"]))
-        except _NoAnswer as end:
+        except NoAnswer as end:
             return Mark("failed", " ".join(str(end).split()))
-
-    def _ask(self, request: Mapping[str, Any], seconds: float) -> dict[str, Any]:
-        """Return the answer of the process, which is started where there is none; raises _NoAnswer, CpbenchError."""
-        try:
-            if self._child is None:
-                self._child = Child(self._context, _main, (self._plugin,))
-            self._child.forget()
-            self._child.send(frames.pack(request))
-            answer, _ = frames.unpack(self._child.receive(seconds))
-            if "refused" in answer:
-                raise CpbenchError(str(answer["refused"]))
-            return answer
-        except TimedOut:
-            why = f"still running after {seconds:g} s"
-        except Died as death:
-            why = f"the process ended: {describe_exit(death)}"
-        except frames.FrameError as noise:
-            why = f"what came is no answer: {noise}"
-        self._close()
-        raise _NoAnswer(why)
-
-    def _close(self) -> None:
-        if self._child is not None:
-            self._child.kill()
-            self._child = None
 
 
 def _main(channel: Channel, plugin: str) -> None:
     """Answer each request, in the process."""
     items: dict[tuple[str, str], Item] = {}
-    while True:
-        try:
-            request, _ = frames.unpack(channel.recv_bytes())
-        except EOFError:
-            return
+
+    def answer(request: Mapping[str, Any], _: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         if request["do"] == "items":
             try:
                 listed = registered_by(Path(plugin)) if _is_file(plugin) else named(plugin)
             except CpbenchError as refusal:
-                channel.send_bytes(frames.pack({"refused": str(refusal)}))
-                continue
-            items = {(item.kind, item.name): item for item in listed}
-            channel.send_bytes(frames.pack({"items": [[item.kind, item.name, item.nodes] for item in listed]}))
-            continue
+                return {"refused": str(refusal)}, {}
+            items.update({(item.kind, item.name): item for item in listed})
+            return {"items": [[item.kind, item.name, item.nodes] for item in listed]}, {}
         item = items[request["kind"], request["name"]]
         mark = _ready(item) if request["do"] == "ready" else conduct(item, request["do"])
-        channel.send_bytes(frames.pack({"word": mark.word, "reason": mark.reason}))
+        return {"word": mark.word, "reason": mark.reason}, {}
+
+    serve(channel, answer)
 
 
 def _ready(item: Item) -> Mark:

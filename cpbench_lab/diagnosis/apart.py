@@ -17,11 +17,9 @@ from cpbench.bench import shared_problem
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import limit_address_space
 from cpbench.bench.processes.launch import context
-from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.processes.server import NoAnswer, ServerProcess, serve
 from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
-from cpbench.bench.worker_pool import describe_exit
 from cpbench.formulations.base import Problem
-from cpbench.foundation import frames
 from cpbench.solvers.base import Budget, warm_up
 from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import Raw, named, solve_here
@@ -30,9 +28,9 @@ from cpbench_lab.diagnosis.deadline import Deadline
 TEXTS, ARRAYS = ("status", "claim", "message"), ("answer", "certificate", "residuals", "iterations", "iterates")
 
 
-class Apart:
-    """A process in which solvers are run; a context manager, which ends it. `memory` : bytes it may add, 0: any.
-    `deadline` : what runs then is stopped, a compilation too. `say` : takes a line on what it does."""
+class Apart(ServerProcess):
+    """A process in which solvers are run. `memory` : bytes it may add, 0: any. `deadline` : what runs then is stopped,
+    a compilation too. `say` : takes a line on what it does."""
 
     def __init__(
         self,
@@ -41,16 +39,12 @@ class Apart:
         deadline: Deadline | None = None,
         say: Callable[[str], None] | None = None,
     ) -> None:
-        self._context, self._memory, self._deadline = context(threads), memory, deadline or Deadline()
-        self._say = say or (lambda line: None)
-        self._child: Child | None = None
+        super().__init__(context(threads), _main, (memory,))
+        self._deadline, self._say = deadline or Deadline(), say or (lambda line: None)
         self._folder = tempfile.TemporaryDirectory(prefix="cpbench-explain-")
 
-    def __enter__(self) -> Apart:
-        return self
-
     def __exit__(self, *_: object) -> None:
-        self._close()
+        self.close()
         self._folder.cleanup()
 
     def __call__(self, text: str, problem: Problem, budget: Budget, start: Any = None) -> Raw:
@@ -60,39 +54,25 @@ class Apart:
         request = {"path": str(path), "solver": text, "tolerance": budget.tolerance, "seconds": budget.seconds}
         vectors = {} if start is None else {"start": start.vector}
         try:
-            start_too = "" if self._child is not None else "starting a process, "
+            start_too = "" if self.running else "starting a process, "
             self._say(f"{start_too}loading {text} (compiling it, once on this machine)")
-            self._ask({"warm": text}, {}, WARM_UP.limit())
+            self._in_time(WARM_UP.limit(), {"warm": text}, {})
             self._say(f"{text} solves, at most {budget.seconds:.3g} s")
-            reply, arrays = self._ask(request, vectors, LOAD.floor + budget.seconds + GRACE)
-            return _raw(reply, arrays)
-        except TimedOut:
-            result = Raw(
-                status=Status.TIMEOUT, message=f"still running after {budget.seconds:g} s", seconds=budget.seconds
-            )
-        except Died as death:
-            status = Status.MEMOUT if death.out_of_memory else Status.CRASH
-            result = Raw(status=status, message=f"the process ended: {describe_exit(death)}")
-        except (frames.FrameError, KeyError, TypeError, ValueError) as noise:
-            result = Raw(status=Status.ERROR, message=f"what came is no answer: {noise}")
-        self._close()
-        return result
+            return _raw(*self._in_time(LOAD.floor + budget.seconds + GRACE, request, vectors))
+        except NoAnswer as end:
+            spent = budget.seconds if end.status == Status.TIMEOUT else 0.0
+            return Raw(status=end.status, message=str(end), seconds=spent)
+        except (KeyError, TypeError, ValueError) as noise:
+            self.close()
+            return Raw(status=Status.ERROR, message=f"what came is no answer: {noise}")
 
-    def _ask(
-        self, request: Mapping[str, Any], vectors: Mapping[str, Any], seconds: float
+    def _in_time(
+        self, seconds: float, request: Mapping[str, Any], vectors: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Ask within the time that is left; raises NoAnswer."""
         if not self._deadline.left:
-            raise TimedOut
-        if self._child is None:
-            self._child = Child(self._context, _main, (self._memory,))
-        self._child.forget()
-        self._child.send(frames.pack(request, vectors))
-        return frames.unpack(self._child.receive(min(seconds, self._deadline.left)), frames.UNTRUSTED_HEADER)
-
-    def _close(self) -> None:
-        if self._child is not None:
-            self._child.kill()
-            self._child = None
+            raise NoAnswer(Status.TIMEOUT, "the time of the diagnosis is over")
+        return self.ask(min(seconds, self._deadline.left), request, vectors)
 
 
 def _raw(reply: Mapping[str, Any], arrays: Mapping[str, Any]) -> Raw:
@@ -114,23 +94,21 @@ def _raw(reply: Mapping[str, Any], arrays: Mapping[str, Any]) -> Raw:
 def _main(channel: Channel, memory: int) -> None:
     """Answer each request, in the process."""
     limited = False
-    while True:
-        try:
-            request, vectors = frames.unpack(channel.recv_bytes())
-        except EOFError:
-            return
+
+    def answer(request: Mapping[str, Any], vectors: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        nonlocal limited
         if "warm" in request:
             warm_up(named(request["warm"])[0])
             if not limited:
                 limit_address_space(memory)
                 limited = True
-            channel.send_bytes(frames.pack({}))
-            continue
+            return {}, {}
         problem = shared_problem.read(request["path"])
         start = problem.point_from_vector(np.array(vectors["start"])) if "start" in vectors else None
         budget = Budget(tolerance=request["tolerance"], seconds=request["seconds"])
         raw = solve_here(request["solver"], problem, budget, start)
-        found = {name: getattr(raw, name) for name in ARRAYS}
-        header = {name: str(getattr(raw, name)) for name in TEXTS}
-        header |= {"counters": dict(raw.counters), "seconds": raw.seconds}
-        channel.send_bytes(frames.pack(header, {name: v for name, v in found.items() if v is not None}))
+        header = {name: str(getattr(raw, name)) for name in TEXTS} | {"counters": dict(raw.counters)}
+        arrays = {name: getattr(raw, name) for name in ARRAYS}
+        return header | {"seconds": raw.seconds}, {name: v for name, v in arrays.items() if v is not None}
+
+    serve(channel, answer)

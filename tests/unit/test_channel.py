@@ -15,7 +15,7 @@ import pytest
 
 from cpbench.bench.processes import channel
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.log import PART, Log
+from cpbench.bench.processes.process import PART, Log
 from cpbench.bench.results.rows import Outcome
 from cpbench.foundation import frames
 from cpbench.foundation.frames import FrameError

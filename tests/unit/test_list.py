@@ -120,7 +120,7 @@ def test_a_guest_that_hangs_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(availability, "_main", _sleep)
     found = list(availability.examine([solvers.get("osqp"), solvers.get("lemke")]))
     assert {one.name: one.state for one in found} == {"osqp": "broken", "lemke": "ok"}
-    assert "within 0.5 s" in next(one.detail for one in found if one.name == "osqp")
+    assert "after 0.5 s" in next(one.detail for one in found if one.name == "osqp")
 
 
 def _sleep(*_: object) -> None:

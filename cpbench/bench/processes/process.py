@@ -1,4 +1,9 @@
-"""A child process in a session of its own: guarded, its output kept, killed with all that it started."""
+"""A child process in a session of its own: guarded, its output kept, killed with all that it started.
+
+Its output goes into a pipe that the runner empties while it waits for the child, keeping the first and the last part.
+A pipe bounds the memory that a flood of output takes. A child for which nobody waits stops when its pipe is full, and
+goes on when somebody does.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,66 @@ import psutil
 
 from cpbench.bench.processes import channel, guard
 from cpbench.bench.processes.launch import ProcessStart, passed_on, started
-from cpbench.bench.processes.log import Log
+
+PART = 500
+"""Bytes kept of the beginning and of the end of the output."""
+_CHUNK = 2**16
+_AT_ONCE = 64
+"""Chunks read in one call, so that output without end does not keep the reader."""
+
+
+class Log:
+    """The output written to `writer`, which is passed to a child and then closed by `started`."""
+
+    def __init__(self, ctx: Any) -> None:
+        self._reader, self.writer = ctx.Pipe(duplex=False)
+        os.set_blocking(self._reader.fileno(), False)
+        self._forget()
+
+    def fileno(self) -> int:
+        return int(self._reader.fileno())
+
+    def started(self) -> None:
+        """Note that the child has its end of the pipe."""
+        self.writer.close()
+
+    def take(self) -> str:
+        """Return the output since the last call, without its middle when it has more than 2 · `PART` bytes."""
+        self.empty()
+        rest = self._seen - len(self._first)
+        last = self._last[max(len(self._last) - rest, 0) :]
+        left_out = rest - len(last)
+        middle = f"\n[... {left_out} bytes ...]\n".encode() if left_out else b""
+        text = (self._first + middle + last).decode(errors="replace").strip()
+        self._forget()
+        return text
+
+    def forget(self) -> None:
+        """Drop the output so far; what is printed at this moment may still count as new."""
+        self.empty()
+        self._forget()
+
+    def close(self) -> None:
+        """Close the pipe; harmless when done before."""
+        self._reader.close()
+
+    def _forget(self) -> None:
+        self._first, self._last, self._seen = b"", b"", 0
+
+    def empty(self) -> bool:
+        """Read what there is; return False where the other end is closed."""
+        for _ in range(0 if self._reader.closed else _AT_ONCE):
+            try:
+                part = os.read(self._reader.fileno(), _CHUNK)
+            except BlockingIOError:
+                return True
+            if not part:
+                return False
+            self._first += part[: PART - len(self._first)]
+            self._last = (self._last + part[-PART:])[-PART:]
+            self._seen += len(part)
+        return not self._reader.closed
+
 
 LOOK = 0.05
 """Seconds between two looks at a child that sends nothing."""
@@ -33,13 +97,14 @@ class TimedOut(Exception):
 
 
 class Died(Exception):
-    """The child ended: `signal` (a number) or exit `code`, and the first and last part of its output."""
+    """The child ended: `signal` (a number) or exit `code`, and the first and last part of its output. As text the cause
+    and this output."""
 
     def __init__(self, code: int | None, output: str, *, reason: str = "") -> None:
         self.signal = -code if code is not None and code < 0 else None
         self.code, self.output = code, output
         self._reason = reason
-        super().__init__(self.cause)
+        super().__init__(f"{self.cause}: {output}" if output else self.cause)
 
     @property
     def cause(self) -> str:
