@@ -17,8 +17,7 @@ from cpbench.bench import messages, shared_problem
 from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
-from cpbench.bench.problem_cache import ProblemCache
-from cpbench.bench.referee import Referee
+from cpbench.bench.referee import ProblemCache, Referee
 from cpbench.bench.results.store import Store
 from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot

@@ -17,7 +17,7 @@ from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.time_limits import GRACE
-from cpbench.cli import dry_run
+from cpbench.cli import run_output
 from cpbench.formulations import LCP
 
 FLAKY = """
@@ -236,15 +236,16 @@ def _assembly(limits: Limits, problems: int = 3, solver: str = "lemke") -> Assem
     ],
 )
 def test_the_bound_is_what_the_limits_allow(limits: Limits, asked: RunPlan, seconds: float) -> None:
-    told = list(dry_run.lines(asked, _assembly(limits), {}))[-1]
-    assert told.startswith(f"3 pairs to run: worst case {dry_run.duration(seconds)}")
+    told = list(run_output.plan_lines(asked, _assembly(limits), {}))[-1]
+    assert told.startswith(f"3 pairs to run: worst case {run_output.duration(seconds)}")
     recorded = _assembly(Limits(10.0, repeats=1, history=True), solver="pgs")
-    assert f"worst case {dry_run.duration(6 * (10 + GRACE))}" in list(dry_run.lines(RunPlan(), recorded, {}))[-1]
-    assert "without limit" in list(dry_run.lines(asked, _assembly(Limits(float("inf"))), {}))[-1]
+    told = list(run_output.plan_lines(RunPlan(), recorded, {}))[-1]
+    assert f"worst case {run_output.duration(6 * (10 + GRACE))}" in told
+    assert "without limit" in list(run_output.plan_lines(asked, _assembly(Limits(float("inf"))), {}))[-1]
 
 
 def test_many_problems_are_counted_by_family() -> None:
-    told = list(dry_run.lines(RunPlan(), _assembly(Limits(), dry_run.ROWS + 1), {}))
+    told = list(run_output.plan_lines(RunPlan(), _assembly(Limits(), run_output.ROWS + 1), {}))
     assert [line.split() for line in told[:2]] == [
         ["formulation", "family", "problems", "solvers", "pairs"],
         ["lcp", "few", "61", "1", "61"],
