@@ -14,8 +14,7 @@ from cpbench.cli.options import json_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import FOLDER
 from cpbench.errors import CpbenchError, NotApplicable
-from cpbench_lab.audit.auditing import Audit, audit, scenes
-from cpbench_lab.audit.results import HEAD, cells, compared, read_audits, write_folder
+from cpbench_lab.audit.auditing import HEAD, Audit, audit, cells, compared, read_audits, scenes, write_folder
 
 
 @click.command()

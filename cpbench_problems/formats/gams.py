@@ -27,8 +27,7 @@ from cpbench.formulations.base import Problem
 from cpbench.formulations.expressions.operators import Operator
 from cpbench.storage.base import Format, formats, no_member, read_text, stem
 from cpbench_problems.formats.gams_expressions import GAMSExpressions
-from cpbench_problems.formats.gams_statements import COMPLEMENTARY, GAMSSolve, Statements, read_statements
-from cpbench_problems.formats.gams_text import Tokens
+from cpbench_problems.formats.gams_statements import COMPLEMENTARY, GAMSSolve, Statements, Tokens, read_statements
 from cpbench_problems.formats.model_problem import problem_of
 from cpbench_problems.formats.mof_functions import Affine, Function, Functions, Nonlinear
 from cpbench_problems.formats.mof_model import Model, ModelRow, slack

@@ -15,7 +15,7 @@ from operator import add, mul, sub, truediv
 from cpbench.errors import ProblemError
 from cpbench.formulations.expressions.map import Builder
 from cpbench.formulations.expressions.operators import Operator
-from cpbench_problems.formats.gams_text import Tokens
+from cpbench_problems.formats.gams_statements import Tokens
 from cpbench_problems.formats.mof_operators import combine
 
 _SAME = {

@@ -1,7 +1,7 @@
 """Siconos text files (.dat): which problem stands in one, and writing them with all digits.
 
-A file of Siconos carries no word of its kind. One is accepted when exactly one layout (`siconos_linear`,
-`siconos_contact`) reads it to its last number (`Cursor.finish` says what may follow); its name and its folder are no
+A file of Siconos carries no word of its kind. One is accepted when exactly one layout (`siconos_layouts`)
+reads it to its last number (`Cursor.finish` says what may follow); its name and its folder are no
 evidence. Two kinds cannot be detected: an AVI, whose polyhedron has no place in the file, is written like an LCP,
 and rolling friction in the plane like plasticity of old. What we write ends with a line that names its format, which
 Siconos does not read and we do.
@@ -32,9 +32,10 @@ from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.storage.base import Format, formats, no_member
-from cpbench_problems.formats.siconos_contact import contact_reader, is_plasticity
-from cpbench_problems.formats.siconos_linear import (
+from cpbench_problems.formats.siconos_layouts import (
     Builder,
+    contact_reader,
+    is_plasticity,
     read_avi,
     read_lcp,
     read_mlcp,

@@ -19,9 +19,8 @@ from cpbench.bench import judging
 
 pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificates.basic_points import refined
-from cpbench_lab.certificates.certify import objective_bounds
+from cpbench_lab.certificates.certify import convexity, objective_bounds
 from cpbench_lab.certificates.exact_rows import ExactRows, rational, solve
-from cpbench_lab.certificates.uniqueness import convexity
 
 GAP = judging.verification.OPTIMALITY_GAP
 PUBLISHED = "# of nobody\nproblem,value\nPLAIN,-2.5e+00\nsum,-1.002\n"

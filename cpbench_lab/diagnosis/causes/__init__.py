@@ -14,8 +14,15 @@ from cpbench_lab.diagnosis.causes.interior import no_interior
 from cpbench_lab.diagnosis.causes.iterates import cycling, diverging
 from cpbench_lab.diagnosis.causes.limits import iterations, start, time_limit
 from cpbench_lab.diagnosis.causes.question import infeasible, lost, refused, rounding, unbounded, wrong_cone
-from cpbench_lab.diagnosis.causes.structure import degenerate, hyperstatic, nonmonotone, singular
-from cpbench_lab.diagnosis.causes.units import magnitude, masses, scale
+from cpbench_lab.diagnosis.causes.structure import (
+    degenerate,
+    hyperstatic,
+    magnitude,
+    masses,
+    nonmonotone,
+    scale,
+    singular,
+)
 
 DETECTORS: tuple[Callable[[FailedTrial], Cause | None], ...] = (
     *(infeasible, unbounded, rounding, wrong_cone, degenerate, lost, iterations, time_limit, start, scale, magnitude),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cpbench_lab.audit.auditing import scenes
-from cpbench_lab.audit.results import cells, read_audits
+from cpbench_lab.audit.auditing import cells, read_audits, scenes
 
 audits = {Path(name).stem: {one.head["scene"]: one for one in read_audits(Path(name))} for name in sys.argv[1:]}
 versions = {name: next(iter(one.values())).head for name, one in audits.items()}

@@ -1,4 +1,4 @@
-"""Siconos text of the linear half: LCP, AVI, MLCP in both layouts, relay, second-order cone LCP.
+"""Layouts of Siconos text: LCP, AVI, MLCP in two, relay, second-order cone LCP; those of contact stand below.
 
 LCP, AVI   n  M  q[n]                      an AVI's polyhedron has no place in it
 MLCP       st1 st2 n m; with st1: block ends up to n + m, block kinds (0 equality, 1 complementarity), M, q;
@@ -10,6 +10,7 @@ SOCLCP     n nc  M  q[n]  cone ends[nc + 1] from 0  tau[nc]     ‖x_T‖ ≤ ta
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Callable
 from functools import partial
@@ -17,6 +18,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.conic import SOCLCP
 from cpbench.formulations.linear import AVI, LCP, MLCP, Relay
@@ -128,3 +130,76 @@ def _abcd(c: Cursor, n: int, m: int) -> dict[str, Any]:
     shapes = {"A": (n, n), "B": (m, m), "C": (n, m), "D": (m, n)}
     parts: dict[str, Any] = {name: c.numbers(name, r * k).reshape(r, k) for name, (r, k) in shapes.items()}
     return parts | {"a": c.numbers("a", n), "b": c.numbers("b", m)}
+
+
+# -------------------------------------------------------------------------------------------------------------- contact
+# Siconos text of contact problems; d rows a contact, normal first.
+#
+#     FC2D, FC3D      d nc  M  q  mu[nc]                          d = 2, 3
+#     GFC2D, GFC3D    d nc  M  H  q[n] b[d nc] mu[nc]             our f and w
+#     RFC2D, RFC3D    d nc  M  q  mu[nc] mu_r[nc]                 d = 3, 5: rolling
+#     GRFC2D, GRFC3D  d nc  M  H  q[n] b[d nc] mu[nc] mu_r[nc]
+#     plasticity      3 nc model  M  q  yield parameters; older files: 3 nc  M  q  eta[nc] theta[nc], as in RFC2D
+#
+# Only the count of numbers tells FC3D from RFC2D (and GFC3D from GRFC2D). Where that says nothing, a guess is on the
+# side of FC3D: without contacts, and for one contact when the last number is a lone digit ('a guess follows').
+
+
+def contact_reader(formulation: type[Problem], dimension: int) -> Callable[[Cursor], Builder]:
+    """Return a reader of problems of a contact formulation with so many rows a contact."""
+    fields = {field.name for field in dataclasses.fields(formulation)}
+
+    def read(c: Cursor) -> Builder:
+        size, nc = _heading(c, dimension)
+        parts = _global(c, size) if "H" in fields else _local(c, size)
+        if "mu_r" in fields:
+            parts |= _coefficients(c, dimension, nc)
+            c.finish()
+        else:
+            parts["mu"] = c.numbers("mu", nc)
+            c.finish(flag=True)
+        return builder(c, formulation, **parts, dimension=dimension)
+
+    return read
+
+
+def is_plasticity(c: Cursor) -> bool:
+    """Return whether the file has the layout of a plasticity problem, which is not a formulation here."""
+    try:
+        d, nc, model = c.integer("d"), c.integer("nc"), c.integer("model")
+        if d != 3 or model not in (1, 2):
+            return False
+        read_matrix(c, "M", (d * nc, d * nc))
+        c.numbers("q and yield parameters", d * nc + (2 if model == 1 else 1) * nc)
+        c.finish()
+    except FormatError:
+        return False
+    return True
+
+
+def _heading(c: Cursor, dimension: int) -> tuple[int, int]:
+    d = c.integer("d")
+    if d != dimension:
+        raise c.error("d", f"is {d}, expected {dimension}")
+    nc = c.integer("nc")
+    return d * nc, nc
+
+
+def _local(c: Cursor, size: int) -> dict[str, Any]:
+    return {"W": read_matrix(c, "M", (size, size)), "q": c.numbers("q", size)}
+
+
+def _global(c: Cursor, size: int) -> dict[str, Any]:
+    M = read_matrix(c, "M", None)
+    n = M.shape[0]
+    H = read_matrix(c, "H", (n, size))
+    return {"M": M, "H": H, "f": c.numbers("q", n), "w": c.numbers("b", size)}
+
+
+def _coefficients(c: Cursor, dimension: int, nc: int) -> dict[str, Any]:
+    if c.guess and dimension == 3 and nc == 0:
+        raise c.error("nc", "is 0, expected contacts: without any, friction without rolling has this layout too")
+    mu = c.numbers("mu", nc)
+    if c.guess and dimension == 3 and nc == 1 and c.left and c.tokens[c.at] in ("0", "1"):
+        raise c.error("mu_r", f"is a lone {c.tokens[c.at]}, which follows friction without rolling too")
+    return {"mu": mu, "mu_r": c.numbers("mu_r", nc)}
