@@ -23,7 +23,10 @@ grams and in tonnes.
 from __future__ import annotations
 
 import math
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,16 +38,13 @@ from cpbench.formulations.local_contact import FrictionContact, RollingFrictionC
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone, Law, ProductCone, RollingCoulomb
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solvers
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.stopping import Stopping
-from cpbench_adapters.conic_models import ClarabelModel, ConicModel, ScsModel
+from cpbench_adapters.conic_models import MODELS, ConicModel, ConicProgram
+from cpbench_adapters.qp_backend import table_spec
 
-COULOMB = "Acary, Cadoux, Lemaréchal and Malick, ZAMM 91 (2011)"
-ROLLING = "Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046"
-CLARABEL = "Goulart and Chen, arXiv 2405.12762"
-SCS = "O'Donoghue, SIAM J. Optim. 31 (2021)"
 BY_CONTACT = "norms over all contacts: the verdict compares each with its own velocities, too"
 """What the test does not see: an answer that passes it may miss the law of a light contact by more."""
 SYMMETRY_LIMIT = 1e-8
@@ -68,17 +68,12 @@ class DeSaxceOptions:
 
 
 @dataclass(frozen=True)
-class ScaledContact:
+class ScaledContact(ConicProgram):
     """The problem in x, r = size·x: DWD = P + skew, Dq over f, its law in units of `lengths`, the cones of x."""
 
     problem: LocalContact
     law: Law
-    P: Any
     skew: Any
-    q: Vector
-    A: Any
-    b: Vector
-    cones: list[tuple[str, int]]
     size: Vector
 
     def shift(self, x: Vector) -> Vector:
@@ -89,16 +84,20 @@ class ScaledContact:
 
 
 class ConicFixedPoint(Solver):
-    """The fixed point on De Saxcé's term around one conic solver. `asymmetry` : of W, the most that is taken."""
+    """The fixed point on De Saxcé's term around the conic solver of a row of the table: fields of `SolverSpec`, and
+    `model`. `asymmetry` : of W, the most that is taken."""
 
     asymmetry: ClassVar[float] = ASYMMETRY
+    given: ClassVar[Mapping[str, Any]] = {"options": DeSaxceOptions}
+    """Fields of `SolverSpec` that no row has."""
 
-    model_type: ClassVar[type[ConicModel]]
-    """The conic solver's model of the programs."""
+    def __init__(self, row: Mapping[str, Any]) -> None:
+        self.spec = table_spec(row, **self.given)
+        self.model_type = MODELS[row["model"]]
 
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
         """Return the model of the program with s = 0."""
-        return self.model_type(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+        return self.model_type(prepared, self.model_type.settings(budget))
 
     def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
         return replace(self.model_type.stopping(tolerance), differs=BY_CONTACT, factor=math.inf)
@@ -132,7 +131,8 @@ class ConicFixedPoint(Solver):
         law = problem.law.in_units(problem.lengths)
         kind, mu_r = (Cone.ROLLING, law.mu_r) if isinstance(law, RollingCoulomb) else (Cone.SECOND_ORDER, 0.0)
         cones, T, _, b = lorentz_rows(ProductCone.of((kind, problem.nc, problem.dimension, problem.mu, mu_r)))
-        return ScaledContact(problem, law, (W + W.T) * 0.5, (W - W.T) * 0.5, q / f, sp.csc_array(-T), b, cones, f * D)
+        P, skew = (W + W.T) * 0.5, (W - W.T) * 0.5
+        return ScaledContact(P, q / f, sp.csc_array(-T), b, cones, problem, law, skew, f * D)
 
     def solve(
         self,
@@ -188,88 +188,12 @@ class ConicFixedPoint(Solver):
         return SolverOutput(claim=claim, point=best, counters=counters, message=f"{message}, error {least:.1e}")
 
 
-@register
-class ClarabelDeSaxce(ConicFixedPoint):
-    """The fixed point whose convex programs are solved from scratch by an interior method, to errors of about 1e-8."""
-
-    spec = SolverSpec(
-        name="clarabel-de-saxce",
-        node="fc",
-        summary="fixed point on De Saxcé's term, every step a second-order cone program by Clarabel",
-        method="fixed point",
-        citation=f"{COULOMB}; {CLARABEL}",
-        requires=("clarabel",),
-        install="pip install clarabel",
-        licence="Apache-2.0",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        quick=True,
-        options=DeSaxceOptions,
-    )
-    model_type = ClarabelModel
-
-
-@register
-class ClarabelDeSaxceRolling(ClarabelDeSaxce):
-    """The same with rolling friction."""
-
-    spec = replace(
-        ClarabelDeSaxce.spec,
-        name="clarabel-de-saxce-rfc",
-        node="rfc",
-        summary="fixed point on De Saxcé's term with rolling friction, every step a cone program by Clarabel",
-        citation=f"{ROLLING}; {CLARABEL}",
-    )
-
-
-@register
-class ScsDeSaxce(ConicFixedPoint):
-    """The fixed point whose convex programs start from the solution of the last one, with the same factorization."""
-
-    spec = replace(
-        ClarabelDeSaxce.spec,
-        name="scs-de-saxce",
-        summary="fixed point on De Saxcé's term, every step a second-order cone program by SCS",
-        citation=f"{COULOMB}; {SCS}",
-        requires=("scs",),
-        install="pip install scs",
-        licence="MIT",
-        quick=False,
-    )
-    model_type = ScsModel
-
-
-@register
-class ScsDeSaxceRolling(ScsDeSaxce):
-    """The same with rolling friction."""
-
-    spec = replace(
-        ScsDeSaxce.spec,
-        name="scs-de-saxce-rfc",
-        node="rfc",
-        summary="fixed point on De Saxcé's term with rolling friction, every step a cone program by SCS",
-        citation=f"{ROLLING}; {SCS}",
-    )
-
-
-@register
-class ClarabelRelaxation(ClarabelDeSaxce):
+class Relaxation(ConicFixedPoint):
     """min ½rᵀWr + qᵀr over the friction cones (Anitescu and Tasora 2010): K*_μ ∋ Wr + q ⟂ r ∈ K_μ, the law without De
     Saxcé's term. Separated and sticking contacts obey the exact law in its solution; a sliding contact with μ > 0 lifts
     off with u_N = μ‖u_T‖."""
 
-    spec = SolverSpec(
-        name="clarabel-relaxation",
-        node="fc",
-        summary="convex relaxation (associated flow), a second-order cone program by Clarabel",
-        method="interior point",
-        citation=f"Anitescu and Tasora, Comput. Optim. Appl. 47 (2010); {CLARABEL}",
-        requires=("clarabel",),
-        install="pip install clarabel",
-        licence="Apache-2.0",
-        kind=Kind.RELAXATION,
-        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
-    )
-
+    given = {"kind": Kind.RELAXATION}
     asymmetry = SYMMETRY_LIMIT
 
     def obstacle(self, problem: LocalContact) -> str | None:
@@ -291,3 +215,8 @@ class ClarabelRelaxation(ClarabelDeSaxce):
             claim = claim if claim in (Claim.INFEASIBLE, Claim.UNBOUNDED) else Claim.FAILED
             return SolverOutput(claim=claim, counters=counters, message=end.status)
         return SolverOutput(claim=claim, point=FCPoint(prepared.size * end.x), counters=counters, message=end.status)
+
+
+for _kind, _rows in tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8")).items():
+    for _row in _rows:
+        solvers.add(_row["name"], {"fixed_point": ConicFixedPoint, "relaxation": Relaxation}[_kind](_row))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import dataclasses
 import importlib
 import os
 import sys
@@ -19,7 +20,17 @@ from cpbench.errors import CpbenchError
 from cpbench.formulations.programs import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix
-from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, package_version
+from cpbench.solvers.base import (
+    Availability,
+    Budget,
+    Claim,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    package_version,
+)
 from cpbench.solvers.stopping import Stopping
 from cpbench_adapters.qp_standard_form import StandardForm, standard_form
 from cpbench_adapters.qp_tolerances import TABLE, Settings, stopping, translate
@@ -157,6 +168,13 @@ def _stdout_to_stderr() -> Generator[None]:
     finally:
         os.dup2(kept, 1)
         os.close(kept)
+
+
+def table_spec(row: Mapping[str, Any], **given: Any) -> SolverSpec:
+    """Return the spec of a solver that stands in a table; `given` : what its row does not say, or says otherwise."""
+    values = {name: row[name] for name in {field.name for field in dataclasses.fields(SolverSpec)} & row.keys()}
+    values |= {"requires": tuple(row["requires"]), "traits": frozenset(map(Trait, row["traits"]))}
+    return SolverSpec(**(values | given))
 
 
 class QPSolversBackend(QPBackend):

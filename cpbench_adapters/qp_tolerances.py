@@ -32,11 +32,14 @@ unbounded, which it is not."""
 
 ABSOLUTE = "absolute where data are below 1: it may pass too early, by the factor that they are below it"
 REGULARIZED = f"{ABSOLUTE}; 1e-7 on the diagonal of Q (qp_regularization_value) moves an optimum that is large"
+OVER_X = f"{ABSOLUTE}; ‖x‖ is in the scale of the dual residual, which passes too early where x is large"
 ZEROS = "the sizes below which it takes a number for 0, which it does not tell"
 _EIGHT = {"tol_feas": 1e-8, "tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8}
 _PROOFS = {"tol_infeas_abs": 1e-8, "tol_infeas_rel": 1e-8}
 _CVXOPT = {"feastol": 1e-7, "abstol": 1e-7, "reltol": 1e-6}
 _GAP = {"eps_duality_gap_abs": math.inf, "eps_duality_gap_rel": math.inf}
+_DAQP = {"primal_tol": 1e-6, "dual_tol": 1e-12}
+_CLARABEL = "residuals over max(1, norms of data and iterates), gap"
 _ACTIVE_SET = "violation of the rows, absolute; stationarity holds to rounding"
 
 
@@ -46,14 +49,16 @@ def _of(test: str, differs: str, **defaults: float) -> Stopping:
 
 TESTS: Mapping[str, Stopping] = {
     "casadi-qpoases": _of("end of its homotopy, relative", "", terminationTolerance=5e6 * 2.0**-52),
-    "clarabel": _of("residuals over max(1, norms of data and iterates), gap", ABSOLUTE, **_EIGHT, **_PROOFS),
+    "clarabel": _of(_CLARABEL, ABSOLUTE, **_EIGHT, **_PROOFS),
     "copt": _of("feasibility, absolute", ABSOLUTE, FeasTol=1e-6, DualTol=1e-6),
     "cvxopt": _of("2-norms of residuals over max(1, norms of data), gap", ABSOLUTE, **_CVXOPT),
-    "daqp": _of(_ACTIVE_SET, ABSOLUTE, primal_tol=1e-6, dual_tol=1e-12),
+    "daqp": _of(_ACTIVE_SET, ABSOLUTE, **_DAQP),
     "gurobi": _of("feasibility, absolute; gap", ABSOLUTE, FeasibilityTol=1e-6, OptimalityTol=1e-6, BarConvTol=1e-8),
     "highs": _of(
         "feasibility, absolute", REGULARIZED, primal_feasibility_tolerance=1e-7, dual_feasibility_tolerance=1e-7
     ),
+    "moreau": _of(f"{_ACTIVE_SET}; of more than 500 unknowns as moreau-ipm", ABSOLUTE, **_DAQP, **_EIGHT, **_PROOFS),
+    "moreau-ipm": _of(_CLARABEL, ABSOLUTE, **_EIGHT, **_PROOFS),
     "osqp": _of(
         "residuals and gap in the ∞-norm, absolute + relative",
         ABSOLUTE,
@@ -71,6 +76,9 @@ TESTS: Mapping[str, Stopping] = {
         eps_duality_gap_rel=1e-9,
     ),
     "proxqp": _of("residuals in the ∞-norm, absolute; gap", ABSOLUTE, eps_abs=1e-5, eps_rel=0.0, **_GAP),
+    "qoco": dataclasses.replace(
+        _of("residuals in the ∞-norm and sᵀz, absolute + relative", OVER_X, abstol=1e-7, reltol=1e-7), factor=math.inf
+    ),
     "qpalm": _of(
         "residuals in the ∞-norm, absolute + relative; no gap",
         ABSOLUTE,
@@ -136,6 +144,23 @@ def _clarabel(budget: Budget) -> Settings:
         | _proofs("tol_infeas_abs", "tol_infeas_rel", e)
         | _limits(budget, "max_iter", 200, "time_limit")
     )
+
+
+def _moreau_ipm(budget: Budget) -> Settings:
+    """Return Clarabel's criteria, which its interior point has; it takes one thread by itself."""
+    return {name: value for name, value in _clarabel(budget).items() if name != "max_threads"} | {"solver": "ipm"}
+
+
+def _moreau(budget: Budget) -> Settings:
+    """Return those, and DAQP's for its active set, which the package takes by itself up to 500 unknowns."""
+    own = {"primal_tol": 0.1 * budget.tolerance, "dual_tol": 1e-12, "solver": "auto"}
+    return _moreau_ipm(budget) | own | _limits(budget, "iter_limit", 10_000)
+
+
+def _qoco(budget: Budget) -> Settings:
+    """Return error ≤ abstol + reltol·scale, gap likewise. No time limit."""
+    e = 0.1 * budget.tolerance
+    return {"abstol": e, "reltol": e} | _limits(budget, "max_iters", 200)
 
 
 def _piqp(budget: Budget) -> Settings:
@@ -268,9 +293,12 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "daqp": _daqp,
     "gurobi": _gurobi,
     "highs": _highs,
+    "moreau": _moreau,
+    "moreau-ipm": _moreau_ipm,
     "osqp": _osqp,
     "piqp": _piqp,
     "proxqp": _proxqp,
+    "qoco": _qoco,
     "qpalm": _qpalm,
     "qtqp": _qtqp,
     "quadprog": _quadprog,

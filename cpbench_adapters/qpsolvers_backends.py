@@ -11,8 +11,8 @@ from typing import Any
 import scipy.sparse as sp
 
 from cpbench.formulations.programs import QP
-from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, solvers
-from cpbench_adapters.qp_backend import QPSolversBackend
+from cpbench.solvers.base import Budget, Claim, solvers
+from cpbench_adapters.qp_backend import QPSolversBackend, table_spec
 from cpbench_adapters.qp_standard_form import StandardForm
 from cpbench_adapters.qp_tolerances import Settings
 
@@ -31,12 +31,7 @@ class TabledBackend(QPSolversBackend):
 
     def __init__(self, row: Mapping[str, Any]) -> None:
         self.row = dict(row)
-        fields = {field.name for field in dataclasses.fields(SolverSpec)} & row.keys()
-        given = {name: row[name] for name in fields} | {
-            "requires": ("qpsolvers", *row["requires"]),
-            "traits": frozenset(map(Trait, row["traits"])),
-        }
-        self.spec = SolverSpec(node="qp", **given)
+        self.spec = table_spec(row, node="qp", requires=("qpsolvers", *row["requires"]))
         self.sparse = STORAGE[row.get("storage", "sparse")]
         self.bounds_as_rows, self.needs_inequality = (
             row.get(name, False) for name in ("bounds_as_rows", "needs_inequality")

@@ -28,7 +28,20 @@ from cpbench_adapters.qp_standard_form import standard_form
 from cpbench_adapters.qp_tolerances import TABLE, translate
 
 BACKENDS = sorted(TABLE)
-TIMED = ("casadi-qpoases", "clarabel", "copt", "daqp", "gurobi", "highs", "osqp", "qpalm", "scs", "sip")
+TIMED = (
+    "casadi-qpoases",
+    "clarabel",
+    "copt",
+    "daqp",
+    "gurobi",
+    "highs",
+    "osqp",
+    "qpalm",
+    "scs",
+    "sip",
+    "moreau",
+    "moreau-ipm",
+)
 """The backends that know a time limit."""
 PROPRIETARY = [name for name in BACKENDS if solvers.get(name).spec.licence == "proprietary"]
 
