@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.planning.plan import Limits
-from cpbench.bench.results.store import Store
-from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.verification import PROVEN
 
@@ -84,46 +80,3 @@ def diagnose_apart(
     if result.complaint is None or none or not provable(trial.problem.node):
         return result
     return replace(result, certificate=f"cpbench certify {address} looks for a proof of the true answer")
-
-
-def trial_of_row(
-    results: Path, problem: str, label: str, *, tolerance: float | None, seconds: float | None
-) -> SolverTrial:
-    """Return what a row of a results file ran: its problem, solver, options, route, tolerance and limit.
-
-    `problem` is its name or address, `label` that of the solver. `tolerance`, `seconds` : others than the row's.
-
-    Raises UnknownName where no row has this problem and label, CpbenchError where several have, or where the problem's
-    file has changed.
-    """
-    from cpbench import storage
-    from cpbench.solvers.base import written
-    from cpbench_lab.diagnosis.attempts import SolverTrial
-
-    with Store(results) as store:
-        rows = list(store.rows())
-    known = [row for row in rows if problem in (row.problem, row.address)]
-    if not known:
-        raise UnknownName("problem", problem, {row.problem for row in rows})
-    named = [row for row in known if row.label == label]
-    if not named:
-        raise UnknownName(f"label of {problem}", label, {row.label for row in known})
-    found = [row for row in named if tolerance is None or row.tolerance == tolerance]
-    if len(found) != 1:
-        asked = ", ".join(sorted({f"{row.tolerance:g}" for row in named}))
-        raise CpbenchError(f"{results}: {label} on {problem}: {len(found)} rows; -t names one ({asked})")
-    row = found[0]
-    loaded = storage.load(row.address)
-    if loaded.fingerprint != row.fingerprint:
-        raise CpbenchError(
-            f"{row.address}: the file changed since the run: {loaded.fingerprint}, was {row.fingerprint}"
-        )
-    options = ",".join(f"{name}={written(value)}" for name, value in json.loads(row.options).items())
-    direct = row.request == "exact" or row.route in (None, "", "direct")
-    return SolverTrial(
-        problem=loaded,
-        solver=f"{row.solver}[{options}]" if options else row.solver,
-        tolerance=row.tolerance,
-        seconds=seconds or row.seconds or SECONDS,
-        via=() if direct else tuple(str(row.route).split(" > ")),
-    )

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from cpbench.api.results import compare_files
-from cpbench.cli.options import ListOption, seed_option, stationary_option
+from cpbench.cli.options import ListOption, stationary_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, LABELS, PATH
 from cpbench.errors import UnknownName
@@ -42,14 +42,6 @@ NOT_NEGATIVE = click.FloatRange(min=0)
     help="Outcomes with which the command ends with 1: regression, inconclusive, or new contradiction,wrong,...",
 )
 @click.option("--margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of times to find.")
-@click.option("--counter-margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of counters.")
-@click.option(
-    "--alpha",
-    type=click.FloatRange(0, 1, min_open=True, max_open=True),
-    default=0.05,
-    show_default=True,
-    help="Level of the tests, for all labels together.",
-)
 @click.option(
     "--noise",
     type=LABELS,
@@ -60,7 +52,6 @@ NOT_NEGATIVE = click.FloatRange(min=0)
 @click.option(
     "--same-machine", is_flag=True, help="Treat the two files as measured on one machine, even if its name differs."
 )
-@seed_option("Random seed of the bootstrap.")
 def command(
     base: Path,
     new: Path | None,
@@ -69,12 +60,9 @@ def command(
     outputs: tuple[Path, ...],
     fail_on: tuple[str, ...],
     margin: float,
-    counter_margin: float,
-    alpha: float,
     noise: tuple[str, str] | None,
     count_stationary: bool,
     same_machine: bool,
-    seed: int,
 ) -> None:
     """Compare two results files, or two builds that were interleaved in one run (BASE --a mine@base --b mine@head).
 
@@ -88,7 +76,7 @@ def command(
     from cpbench.report.comparison import terminal, write
 
     _require_sense(base, new, first, second, fail_on)
-    settings = Thresholds(margin, counter_margin, alpha, same_machine, seed, count_stationary)
+    settings = Thresholds(margin, same_machine=same_machine, count_stationary=count_stationary)
     comparison = compare_files(base, new, (first or "", second or ""), settings, noise)
     print_lines(terminal.lines(comparison))
     for path in outputs:

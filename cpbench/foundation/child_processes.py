@@ -73,13 +73,11 @@ def start(command: Sequence[str], env: Mapping[str, str] | None = None, **option
     return popen(list(command), env={**os.environ, **(env or {})}, **options)
 
 
-def start_python(code: str, *arguments: str, threads: int = 0, **options: Any) -> subprocess.Popen[bytes]:
+def start_python(code: str, *arguments: str, **options: Any) -> subprocess.Popen[bytes]:
     """Start this interpreter with a piece of code and the modules that this process finds; those in the current folder
-    are not found unless this process names it. `threads` : of its numerical libraries, 0 for their own number. Raises
-    OSError."""
-    variables: dict[str, str] = {name: str(threads) for name in THREAD_VARIABLES} if threads else {}
-    variables["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-    return start([sys.executable, "-P", "-c", code, *arguments], variables, **options)
+    are not found unless this process names it. Raises OSError."""
+    found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return start([sys.executable, "-P", "-c", code, *arguments], found, **options)
 
 
 def wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:

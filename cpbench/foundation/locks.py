@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import json
 import os
 import shutil
@@ -18,9 +19,6 @@ import uuid
 from pathlib import Path
 
 from cpbench.errors import CpbenchError
-
-_BEYOND = 2**30
-"""Where Windows locks one byte: what it locks cannot be read, so it lies behind what the file says."""
 
 
 class Held(Exception):
@@ -44,7 +42,7 @@ class Lock:
 
     def release(self) -> None:
         """Remove the companion file and give the lock back."""
-        with contextlib.suppress(OSError):  # Windows keeps a file that is open
+        with contextlib.suppress(OSError):
             self._path.unlink()
         os.close(self._descriptor)
 
@@ -52,7 +50,7 @@ class Lock:
         while True:
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
-                exclusive(descriptor)
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 status = os.stat(self._path)
                 if os.path.samestat(status, os.fstat(descriptor)):
                     return descriptor
@@ -71,21 +69,6 @@ class Lock:
             return f"process {record['pid']} on {record['host']} has been writing it since {record['since']}"
         except (OSError, ValueError, KeyError):
             return "another process is writing it"
-
-
-def exclusive(descriptor: int, *, wait: bool = False) -> None:
-    """Lock an open file; raises OSError, also when somebody has it (EAGAIN or EACCES) unless that is waited for."""
-    try:
-        import fcntl
-    except ImportError:
-        import msvcrt
-
-        os.lseek(descriptor, _BEYOND, os.SEEK_SET)
-        how = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK  # pyright: ignore[reportAttributeAccessIssue]
-        msvcrt.locking(descriptor, how, 1)  # pyright: ignore[reportAttributeAccessIssue]
-        os.lseek(descriptor, 0, os.SEEK_SET)
-    else:
-        fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 RUN, EXCHANGE = "cpbench-run-", "cpbench-handed-"

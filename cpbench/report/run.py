@@ -225,9 +225,7 @@ def _without_folders(rows: pd.DataFrame, address: Callable[[str], str]) -> pd.Da
 
 def _each_once(values: pd.Series, function: Callable[[str], str]) -> pd.Series:
     """Apply a function once to each text: of a million rows few differ in it."""
-    codes, texts = pd.factorize(values)
-    changed = pd.Series(list(map(function, texts.tolist())), dtype=values.dtype)
-    return pd.Series(changed.array.take(codes), index=values.index)
+    return values.map({text: function(text) for text in values.unique()}).astype(values.dtype)
 
 
 def group_name(run: Run, group: ResultGroup) -> str:

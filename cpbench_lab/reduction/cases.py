@@ -1,9 +1,8 @@
-"""Failures to be reduced, from a problem or from a row of a results file, and their reduction into a folder."""
+"""Failures to be reduced, and their reduction into a folder."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import shlex
 import time
 from collections.abc import Iterator, Sequence
@@ -18,8 +17,7 @@ from cpbench.api.problems import load
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.places import located
 from cpbench.bench.results.rows import Outcome, unpack_answer
-from cpbench.bench.results.store import Store
-from cpbench.errors import CpbenchError, PointError, UnknownName
+from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.text import counted
@@ -29,7 +27,7 @@ from cpbench.report.text import code, plain
 from cpbench.verification import MET_TOLERANCE
 from cpbench_lab.pictures import contact
 from cpbench_lab.reduction.numbers import digits
-from cpbench_lab.reduction.predicate import Predicate, parse_predicate, predicate_of
+from cpbench_lab.reduction.predicate import Predicate
 from cpbench_lab.reduction.reduce import Progress, ReducedFailure, data_size, reduce
 from cpbench_lab.reduction.trials import Asked, Trials
 
@@ -55,31 +53,6 @@ def case_of(
     for name in filter(None, (solver, predicate.other)):
         plan.parse_entry(name)
     return FailingCase(located(address, builtin_folder), Asked(solver, predicate, tolerance, limits, tuple(via)))
-
-
-def case_of_row(results: Path, problem: str, label: str, failure: str | None, limits: plan.Limits) -> FailingCase:
-    """Return the case of a row of a results file: its solver with its options and its tolerance.
-
-    Parameters
-    ----------
-    problem : its name or address. label : the solver's name, or its label. failure : what has to stay, None for the
-    row's own status.
-
-    Raises UnknownName where there is no such row, CpbenchError where its status is not a failure.
-    """
-    with Store(results) as store:
-        every = list(store.rows())
-    rows = [row for row in every if problem in (row.problem, row.address, address_text(row.address))]
-    if not rows:
-        raise UnknownName("problem of the results", problem, sorted({row.problem for row in every}))
-    found = [row for row in rows if label in (row.label, row.solver)]
-    if not found:
-        raise UnknownName(f"solver of {problem}", label, sorted({row.label for row in rows}))
-    row = found[0]
-    entry = plan.Entry(row.solver, json.loads(row.options))
-    predicate = parse_predicate(failure) if failure else predicate_of(row.status)
-    routes = "exact" if row.request == "exact" else "all"
-    return FailingCase(row.address, Asked(entry.label, predicate, row.tolerance, limits, routes=routes))
 
 
 def reduce_case(
@@ -182,7 +155,7 @@ def _command(asked: Asked) -> str:
     words = ["cpbench", "solve", "problem.h5", "-s", shlex.quote(asked.solver), "-t", f"{asked.tolerance:g}"]
     words += ["--timeout", f"{asked.limits.seconds:g}s"]
     words += [word for via in asked.via for word in ("--via", shlex.quote(via))]
-    return " ".join(words + (["--routes", "all"] if asked.routes == "all" else []))
+    return " ".join(words)
 
 
 def _data(problem: Problem) -> Iterator[str]:

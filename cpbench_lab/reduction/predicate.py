@@ -83,10 +83,3 @@ def parse_predicate(text: str) -> Predicate:
     raise CpbenchError(
         f"--while {text}: is none of {', '.join((*FAILURES, *GAVE_UP))}, slower:FACTOR[:OTHER], disagrees[:OTHER]"
     )
-
-
-def predicate_of(status: str) -> Predicate:
-    """Return what to hold on to where a row of a run has this status; raises CpbenchError where it is not a failure."""
-    if status not in (*FAILURES, *GAVE_UP):
-        raise CpbenchError(f"the status is {status}: that is no failure; see --while")
-    return Predicate(status)

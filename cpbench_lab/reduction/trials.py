@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import Any, Self
@@ -31,7 +30,7 @@ class Asked:
     Attributes
     ----------
     solver : a name with options. predicate : the failure. tolerance : of the verdict. limits : of a solve.
-    via : conversions that are pinned. routes : exact, or all.
+    via : conversions that are pinned.
     """
 
     solver: str
@@ -39,7 +38,6 @@ class Asked:
     tolerance: float = 1e-6
     limits: plan.Limits = field(default_factory=lambda: plan.Limits(seconds=2.0, repeats=1))
     via: tuple[str, ...] = ()
-    routes: str = "exact"
 
 
 @dataclass(frozen=True)
@@ -166,10 +164,7 @@ class Trials:
     def _planned(self, solver: str, address: str) -> plan.Pair:
         asked, entry = self.asked, plan.parse_entry(solver)
         failing = solver == asked.solver
-        if asked.via and failing:
-            requests: Sequence[plan.Request] = [plan.pinned(asked.via)]
-        else:
-            requests = plan.requests("all", ()) if asked.routes == "all" and failing else [plan.exact()]
+        requests = [plan.pinned(asked.via) if asked.via and failing else plan.exact()]
         survey = self._slot.survey(address, requests)
         found = plan.pairs([survey], [entry], requests, asked.tolerance, asked.limits, relaxations=failing)
         if not found:

@@ -114,14 +114,3 @@ def test_a_trial_ends_alike_in_a_process_apart() -> None:
     assert (there.status, there.message) == (here.status, here.message)
     np.testing.assert_array_equal(there.raw.iterates, here.raw.iterates)
     np.testing.assert_array_equal(started.iterates[0], [1.0, 2.0])
-
-
-def test_a_row_of_a_results_file_is_explained_as_it_ran(tmp_path: Path) -> None:
-    cp.save(SPIN, tmp_path / "spin.h5")
-    results = cp.run(tmp_path / "spin.h5", ["pgs[max_iterations=7]"], out=tmp_path / "runs.sqlite")
-    row = results.frame.iloc[0]
-    asked = ("explain", str(results.path), "--pair", row["problem"])
-    ended = command(tmp_path, *asked, "-s", row["label"])
-    assert "spin by pgs[max_iterations=7]: max_iter" in ended.stdout, ended.stderr
-    assert command(tmp_path, *asked, "-s", "pgs").returncode == 2
-    assert command(tmp_path, "explain", "spin.h5", "-s", "pgs", "--pair", "spin").returncode == 2

@@ -154,7 +154,7 @@ def test_bad_input_is_one_line(made: Make, cpbench, tmp_path: Path) -> None:
         ([good, good, "--fail-on", "wrogn"], "did you mean wrong"),
         ([good, good, "-o", tmp_path / "x.html"], "unknown suffix '.html'"),
         ([good, good, "-o", tmp_path / "no" / "x.md"], "cannot be written"),
-        ([good, good, "--alpha", "1"], "--alpha"),
+        ([good, good, "--margin", "-1"], "--margin"),
         ([good, good, "--margin", "-1"], "--margin"),
     ):
         code, out, err = cpbench(*words)

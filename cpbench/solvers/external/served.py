@@ -334,8 +334,6 @@ def _take_spare(key: Key) -> Session | None:
 
 def _started(solver: ServedSolver) -> tuple[Session, str]:
     """Return the program, greeted, and its version; raises Unavailable with what it said on its way out."""
-    if os.name != "posix":
-        raise Unavailable("broken", "programs are served through pipes of POSIX, which this system has not")
     lacking = missing_executable(solver.command[0], solver)
     if lacking:
         raise Unavailable("missing", lacking)
