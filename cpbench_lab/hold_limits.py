@@ -13,8 +13,7 @@ from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench_lab.certificates.hold_cones import Distance, distance, for_any_friction, nearest_factor
-from cpbench_lab.certificates.hold_programs import Balance
+from cpbench_lab.certificates.hold_programs import Balance, Distance, distance, for_any_friction, nearest_factor
 from cpbench_lab.certifying import require_flint
 from cpbench_lab.sweeping import with_value
 

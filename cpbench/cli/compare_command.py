@@ -73,12 +73,12 @@ def command(
     The exit code is 0 for any difference, 1 for --fail-on and when rows were changed after the run, 2 for bad input.
     """
     from cpbench.analysis.comparison import Thresholds
-    from cpbench.report.comparison import terminal, write
+    from cpbench.report.comparison import words, write
 
     _require_sense(base, new, first, second, fail_on)
     settings = Thresholds(margin, same_machine=same_machine, count_stationary=count_stationary)
     comparison = compare_files(base, new, (first or "", second or ""), settings, noise)
-    print_lines(terminal.lines(comparison))
+    print_lines(words.lines(comparison))
     for path in outputs:
         write(comparison, path)
         print_lines([f"written: {path}"], err=True)

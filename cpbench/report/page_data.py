@@ -27,7 +27,7 @@ from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import Profile
 from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.foundation import frames
-from cpbench.report.methods import FLAGS, KINDS
+from cpbench.report.documents import FLAGS, KINDS
 from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import one_line
 from cpbench.verification import VERIFIED, Status

@@ -13,9 +13,8 @@ from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench_lab.diagnosis.causes import DETECTORS
-from cpbench_lab.diagnosis.complaint import NOTICEABLE, Complaint, complaint_of
 from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
-from cpbench_lab.diagnosis.diagnosis import Diagnosis, Suspect, Tried
+from cpbench_lab.diagnosis.diagnosis import NOTICEABLE, Complaint, Diagnosis, Suspect, Tried, complaint_of
 
 
 def diagnose(

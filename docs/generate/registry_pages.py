@@ -15,7 +15,7 @@ from cpbench.conversions.base import Conversion, mathematics
 from cpbench.formulations import Problem, formulations
 from cpbench.formulations.exchange import exchanges
 from cpbench.graph import edges, promise
-from cpbench.report.methods import METHODS
+from cpbench.report.documents import METHODS
 from cpbench.solvers.base import SolverSpec, Trait, solvers
 from cpbench.storage import formats
 

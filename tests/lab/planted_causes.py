@@ -19,8 +19,7 @@ import cpbench as cp
 from cpbench.formulations.conic import ConeQP
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
-from cpbench_lab.diagnosis.complaint import complaint_of
-from cpbench_lab.diagnosis.diagnosis import Diagnosis
+from cpbench_lab.diagnosis.diagnosis import Diagnosis, complaint_of
 from cpbench_problems.generators.symbols import mapped, unknowns
 
 Random = np.random.Generator

@@ -1,10 +1,11 @@
-"""Sentences that the terminal and Markdown share; what they quote is still to be escaped."""
+"""Sentences that the terminal and Markdown share, in which what is quoted is still to be escaped, and the lines of the
+terminal."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pandas as pd
 
 from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.suites import Suite
-from cpbench.report.text import counted, solve_command
+from cpbench.report.text import counted, cut, one_line, solve_command
 
 ORDER = (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.SAME, PairVerdict.INCONCLUSIVE)
 
@@ -100,3 +101,43 @@ def slowest(comparison: Comparison, label: str) -> pd.Series[Any]:
     """Return the pair of a label whose time grew most."""
     pairs = comparison.pairs[(comparison.pairs["label_new"] == label) & comparison.pairs["comparable"]]
     return pairs.loc[pairs["ratio"].idxmax()]
+
+
+# ----------------------------------------------------------------------------------------------------------- a terminal
+
+LISTED = 10
+"""The most pairs of a kind that are shown; files have all."""
+
+
+def lines(comparison: Comparison) -> Iterator[str]:
+    """Yield the verdict, regressions with the commands that show them, labels, notes."""
+    yield f"{comparison.verdict}: {headline(comparison)}"
+    for version in versions(comparison):
+        yield f"  {one_line(version)}"
+    for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED):
+        yield from _pairs(comparison, comparison.with_verdict(verdict), str(verdict))
+    open_pairs = comparison.with_verdict(PairVerdict.INCONCLUSIVE)
+    yield from _pairs(comparison, open_pairs[open_pairs["gate"] != "time"], "inconclusive")
+    if any(suite.time is not None for suite in comparison.suites):
+        yield f"time of each label, geometric mean of new over base; {margin(comparison)}"
+        for suite in comparison.suites:
+            if suite.time is not None:
+                families = counted(suite.families, "family", "families")
+                pairs = f"{counted(suite.timed, 'pair')}, {families}"
+                yield f"  {one_line(suite.label)}: {times_of(suite)} ({pairs}): {on_time(suite)}"
+                if suite.time == PairVerdict.REGRESSED:
+                    yield f"    {again(comparison, slowest(comparison, suite.label))}"
+    for note in comparison.notes:
+        yield f"note: {cut(note, 300)}"
+
+
+def _pairs(comparison: Comparison, listed: pd.DataFrame, what: str) -> Iterator[str]:
+    if not len(listed):
+        return
+    yield f"{what} ({len(listed)}):"
+    for _, pair in listed.head(LISTED).iterrows():
+        yield f"  {one_line(pair['problem'])}, {one_line(pair['label_new'])}: {cut(pair['why'], 120)}"
+        if what == PairVerdict.REGRESSED:
+            yield f"    {again(comparison, pair)}"
+    if len(listed) > LISTED:
+        yield f"  and {len(listed) - LISTED} more"
