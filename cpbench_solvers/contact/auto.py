@@ -10,14 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, register, solved
 from cpbench_solvers.contact.by_parts import SURE, SolverByParts, contact_spec
-from cpbench_solvers.contact.parts import ContactPart
+from cpbench_solvers.contact.parts import ContactPart, at_hand, at_rest
 from cpbench_solvers.contact.phases import Phases, counters
 from cpbench_solvers.contact.sweeps import (
     APART,
-    CONTINUE,
     ROUNDED,
     AcceleratedSweeps,
     BlockRows,
@@ -55,6 +55,18 @@ class AutoContact(SolverByParts):
     )
     stack_call: ClassVar[StackCall | None] = StackCall(solve_fc, shares=CONTACT_SHARES)
 
+    def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
+        return problem if at_rest(problem.q, problem.dimension) else super().setup(problem, budget, options)
+
+    def solve(
+        self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
+    ) -> SolverOutput:
+        if isinstance(prepared, ContactPart):
+            return self._solved(prepared, budget, options, start, record)
+        if isinstance(prepared, FrictionContact):
+            return at_hand(FCPoint(np.zeros(prepared.q.size)), counters(0), record)
+        return super().solve(prepared, budget, options, start, record)
+
     def at_once(
         self, blocks: BlockRows, budget: Budget, options: AutoContactOptions
     ) -> tuple[Vector, dict[str, int]] | None:
@@ -65,13 +77,20 @@ class AutoContact(SolverByParts):
     def _solved(
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
     ) -> SolverOutput:
-        problem, mu = part.problem, part.problem.mu
-        # the largest is at most the square root of the sum, which takes less time
-        if mu.dot(mu) <= STEEP**2 or not (mu > STEEP).any() or start is not None or record is not None:
+        if start is not None or record is not None:
             return super()._solved(part, budget, options, start, record)
+        # most small problems are done here, and calls take as long as they do
+        sweeps, deadline = AcceleratedSweeps(part.prepared.rows), budget.deadline()
+        sweeps.sweep(min(options.sweeps, budget.iterations or options.max_iterations), budget.tolerance)
+        if sweeps.error <= budget.tolerance - APART:
+            r, enough = sweeps.best, SURE * budget.tolerance
+            if part.error(r) <= enough and not part.hidden(r, enough):
+                return solved(FCPoint(r), counters(sweeps.done))
+        problem = part.problem
+        if not (problem.mu > STEEP).any():
+            return super()._solved(part, budget, options, sweeps, None)
         # what sticks under less friction does so under more, and μ times the rounding of a velocity is not a velocity
-        deadline = budget.deadline()
-        less = replace(problem, mu=np.minimum(mu, STEEP))
+        less = replace(problem, mu=np.minimum(problem.mu, STEEP))
         near = ContactPart.of(part.rows, less, self.prepare(less, budget, options))
         output = super()._solved(near, replace(budget, seconds=0.5 * budget.seconds), options, None, None)
         if output.point is not None and part.error(output.point.r) <= SURE * budget.tolerance:
@@ -83,28 +102,17 @@ class AutoContact(SolverByParts):
     def solve_part(
         self, prepared: ScaledContacts, budget: Budget, options: AutoContactOptions, start: Any, record: Record | None
     ) -> SolverOutput:
+        """Solve one part; start : a point, or sweeps that have begun."""
         rows, limit = prepared.rows, budget.iterations or options.max_iterations
-        first, taken = min(options.sweeps, limit), None
-        if start is None and record is None:
-            # written out, for most small problems are done here, and calls take as long as they do
-            way = rows.accelerated
-            work = np.empty(way.size)
-            work[0] = 0.0
-            status, done, error, seen = way.kernel(*way.arguments, work, budget.tolerance, first, False)
-            if error <= budget.tolerance - APART:
-                return solved(FCPoint(work[way.answer]), counters(done))
-            taken = work, done, error, seen
-            first = first - done if status == CONTINUE else 0
         deadline = time.monotonic() + budget.seconds
-        sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
-        if taken is not None:
-            sweeps.take(*taken)
-        begin = np.zeros(rows.problem.q.size) if start is None else start.r
+        begun = isinstance(start, AcceleratedSweeps)
+        begin = np.zeros(rows.problem.q.size) if begun or start is None else start.r
+        sweeps = start if begun else AcceleratedSweeps(rows, None if start is None else begin)
         if record is not None:
             record(0, rows.judged_error(begin), lambda: FCPoint(begin))
         look = None if record is None else lambda: record(sweeps.done, sweeps.error, lambda: FCPoint(sweeps.best))
-        if first > 0:
-            sweeps.sweep(first, budget.tolerance, look)
+        if not begun:
+            sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
         if sweeps.error <= budget.tolerance:
             spent = counters(sweeps.done)
             return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, spent)

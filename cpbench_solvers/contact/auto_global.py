@@ -17,13 +17,14 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalFrictionContact
 from cpbench.formulations.local_contact import FrictionContact
 from cpbench.foundation import matrices
-from cpbench.foundation.matrices import EPS
+from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.global_parts import MovingParts, moving_parts, solve_moving
+from cpbench_solvers.contact.parts import at_hand, at_rest
 
 MOST = 2e7
 """Numbers of K⁻¹[H; 0] that are computed at most (160 MB): as much work as some hundred sweeps over such a W."""
@@ -39,11 +40,15 @@ class Condensed:
     local: FrictionContact
 
     def lift(self, point: FCPoint) -> GFCPoint:
-        """Return (v, r, λ) with (v, λ) = K⁻¹(Hr + f, −b)."""
-        problem = self.problem
-        force = problem.at_hand[1] @ point.r + problem.f
-        v, lam = np.split(problem.saddle.solve(np.concatenate([force, -problem.b])), [force.size])
-        return GFCPoint(v=v, r=point.r, lam=lam)
+        """Return (v, r, λ) of r."""
+        return moved(self.problem, point.r)
+
+
+def moved(problem: GlobalFrictionContact, r: Vector) -> GFCPoint:
+    """Return (v, r, λ) with (v, λ) = K⁻¹(Hr + f, −b)."""
+    force = problem.at_hand[1] @ r + problem.f
+    v, lam = np.split(problem.saddle.solve(np.concatenate([force, -problem.b])), [force.size])
+    return GFCPoint(v=v, r=r, lam=lam)
 
 
 def condensed(problem: GlobalFrictionContact) -> Condensed | None:
@@ -102,6 +107,10 @@ class AutoGlobal(AutomaticChoice):
         return [SolverPhase(name) for name in (self.members[1:] if problem.b.size else self.members)]
 
     def setup(self, problem: GlobalFrictionContact, budget: Budget, options: Any) -> Any:
+        if problem.saddle.rcond > WORST and at_rest(problem.free_velocity, problem.dimension):
+            free = moved(problem, np.zeros(problem.w.size))
+            if self.error(problem, free, SURE * budget.tolerance) <= SURE * budget.tolerance:
+                return free
         small = condensed(problem)
         if small is None:
             parts = moving_parts(problem)
@@ -113,6 +122,8 @@ class AutoGlobal(AutomaticChoice):
     def solve(
         self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
+        if isinstance(prepared, GFCPoint):
+            return at_hand(prepared, {"iterations": 0}, record)
         if isinstance(prepared, MovingParts):
             return solve_moving(prepared, budget, start, record, self._part)
         if not isinstance(prepared, PreparedCondensed):

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, cast
 
+import numpy as np
+
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.local_contact import RollingFrictionContact
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register, solvers
 from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
 from cpbench_solvers.contact.by_parts import SURE
-from cpbench_solvers.contact.parts import error_or_rounding
+from cpbench_solvers.contact.parts import at_hand, at_rest, error_or_rounding
 
 ITERATIONS = 200
 """Iterations of ADMM in its first turn."""
@@ -36,9 +38,14 @@ class AutoRolling(AutomaticChoice):
         sweeps, admm = self.members
         return [SolverPhase(sweeps, int(a_turn * ITERATIONS)), SolverPhase(admm, ITERATIONS)]
 
+    def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
+        return problem if at_rest(problem.q, problem.dimension) else super().setup(problem, budget, options)
+
     def solve(
-        self, prepared: Plan, budget: Budget, options: Any, start: Any = None, record: Record | None = None
+        self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
+        if isinstance(prepared, RollingFrictionContact):
+            return at_hand(FCPoint(np.zeros(prepared.q.size)), {"iterations": 0}, record)
         if prepared.first is None or start is not None or record is not None or budget.iterations is not None:
             return super().solve(prepared, budget, options, start, record)
         # most problems end in the first turn, small ones in less time than it takes to prepare for others

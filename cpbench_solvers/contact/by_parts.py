@@ -65,8 +65,7 @@ class SolverByParts(PartSolver):
     def setup(self, problem: Contact, budget: Budget, options: Any) -> ContactPart | ContactParts:
         parts = connected_parts(problem)
         if len(parts) == 1:
-            rows = np.arange(problem.q.size)
-            return ContactPart.of(rows, problem, self.prepare(problem, budget, options))
+            return ContactPart.of(slice(None), problem, self.prepare(problem, budget, options))
         label = labels_of(parts, problem.nc)
         position = np.empty(problem.nc, np.int64)
 

@@ -24,7 +24,7 @@ from cpbench_solvers.contact.newton_equation import ContactFunction
 from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench_solvers.contact.run import ContactMethod
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
-from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts, Sweeps
+from cpbench_solvers.contact.sweeps import AcceleratedSweeps, BlockRows, ScaledContacts, Sweeps
 
 PIECE = 2_000
 """Sweeps between two looks at the clock."""
@@ -41,9 +41,10 @@ class Member(ABC):
     Attributes
     ----------
     unit, counter : of its steps, for messages and among the counters. expected : steps that it is expected to need.
-    weight : of these for its first turn. first : share of them in that turn. cost : of a step [ns]. spent : counted
-    work [ns]. level : the least error that it began at or has seen. over : it cannot go on. progress : of its turns.
-    patience : see there. steps, factorizations : so far. A subclass keeps its iterates in `_run`.
+    weight : of these for its first turn. first : share of them in that turn. work : nanoseconds of a step, by the rows
+    and the entries of the factors of W. cost : the same of this problem. spent : counted work [ns]. level : the least
+    error that it began at or has seen. over : it cannot go on. progress : of its turns. patience : see there. steps,
+    factorizations : so far. A subclass keeps its iterates in `_run`.
     """
 
     unit: ClassVar[str]
@@ -53,12 +54,18 @@ class Member(ABC):
     weight: ClassVar[float] = 1.0
     first: ClassVar[float] = 1.0
     patience: ClassVar[float] = policy.PATIENCE
+    work: ClassVar[Callable[[BlockRows, int], float]]
     _run: Any
 
-    def __init__(self, contacts: ScaledContacts, cost: float) -> None:
-        self._contacts, self.cost = contacts, cost
+    def __init__(self, contacts: ScaledContacts) -> None:
+        self._contacts = contacts
         self.spent, self.level, self.over = 0.0, math.inf, False
         self.steps = self.factorizations = 0
+        self.price(policy.likely_entries(contacts.rows))
+
+    def price(self, entries: int) -> None:
+        """Take what a step costs where the factors of W have so many entries; before it has begun."""
+        self.cost, self._entries = type(self).work(self._contacts.rows, entries), entries
         self.progress = self.afresh()
 
     def afresh(self) -> policy.TurnProgress:
@@ -83,10 +90,10 @@ class Member(ABC):
 class NewtonMember(Member):
     """Newton's method on one function after a few plain sweeps; twice as many wherever it stands still."""
 
-    unit, counter, expected = "Newton steps", "newton_steps", 20
+    unit, counter, expected, work = "Newton steps", "newton_steps", 20, policy.step_work
 
     def __init__(self, contacts: ScaledContacts, start: Vector, function: ContactFunction) -> None:
-        super().__init__(contacts, policy.step_work(contacts.rows.problem.W))
+        super().__init__(contacts)
         self._sweep, self._start, self._function = policy.sweep_work(contacts.rows), start, function
         self._count = ContactNewtonOptions().sweeps
 
@@ -118,10 +125,7 @@ class ProximalMember(Member):
     """Proximal points, over-relaxed, by Newton steps. Their error may fall at the very end only."""
 
     unit, counter, expected, weight = "Newton steps to proximal points", "newton_steps", 60, LATER
-    takes_start, patience = True, 1.0
-
-    def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, policy.step_work(contacts.rows.problem.W))
+    takes_start, patience, work = True, 1.0, policy.step_work
 
     def begin(self, r: Vector) -> None:
         self._run = ProximalSteps(self._contacts, ProximalNewtonOptions(), r)
@@ -138,10 +142,10 @@ class ProximalMember(Member):
 class PlainMember(Member):
     """Sweeps without acceleration: where contacts keep changing their state, extrapolations only lead astray."""
 
-    unit, counter, expected, first = "plain sweeps", "sweeps", 1200, PROBE
+    unit, counter, expected, first, work = "plain sweeps", "sweeps", 1200, PROBE, policy.sweep_work
 
     def __init__(self, contacts: ScaledContacts, start: Vector) -> None:
-        super().__init__(contacts, policy.sweep_work(contacts.rows))
+        super().__init__(contacts)
         self._start = start
 
     @property
@@ -182,31 +186,23 @@ class ADMMMember(MethodMember):
     stood still for thousands of iterations: its share is never made smaller."""
 
     unit, counter, expected, first, patience = "ADMM iterations", "admm_iterations", 600, PROBE, 1.0
-    method, options = ContactSplitting, ADMMContactOptions
-
-    def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, policy.iteration_work(contacts.rows.problem.W, 0))
+    method, options, work = ContactSplitting, ADMMContactOptions, policy.iteration_work
 
     def advance(self, most: int, deadline: float, tolerance: float) -> None:
+        before = self.factorizations
         super().advance(most, deadline, tolerance)
-        self.cost = policy.iteration_work(self._contacts.rows.problem.W, self._run.entries)
+        self.spent += (self.factorizations - before) * policy.step_work(self._contacts.rows, self._entries)
 
 
 class GradientMember(MethodMember):
     """Accelerated projected gradients: where contacts are hyperstatic, and no Newton step is to be trusted."""
 
     unit, counter, expected, first = "projected gradients", "gradient_steps", 600, PROBE
-    method, options = AcceleratedGradients, APGDContactOptions
-
-    def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, policy.GRADIENT * policy.sweep_work(contacts.rows))
+    method, options, work = AcceleratedGradients, APGDContactOptions, policy.gradient_work
 
 
 class InteriorMember(MethodMember):
     """Interior points: a way that no first point and no active set decides, of a few dozen steps where it succeeds."""
 
     unit, counter, expected, weight = "interior-point steps", "interior_steps", 35, SOONER
-    method, options = ContactInteriorPoint, ContactInteriorPointOptions
-
-    def __init__(self, contacts: ScaledContacts) -> None:
-        super().__init__(contacts, policy.point_work(contacts.rows.problem.W))
+    method, options, work = ContactInteriorPoint, ContactInteriorPointOptions, policy.point_work

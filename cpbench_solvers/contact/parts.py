@@ -27,6 +27,8 @@ Contact = FrictionContact | RollingFrictionContact
 NO_ROLLING = np.zeros(0)
 ROUNDINGS = 8.0
 """Roundings of the largest term that a sum may carry."""
+FEW = 20
+"""Numbers of which Python finds the least sooner than NumPy."""
 DENSE = 100
 """Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
 
@@ -63,7 +65,8 @@ class MeasuredParts:
 
     def errors(self, r: Vector) -> Vector:
         """Return the error of the reactions r, shape (nc·d,), in every part."""
-        blocks, problem, result = self.blocks, self.blocks.problem, np.empty(self.count)
+        blocks, result = self.blocks, np.empty(self.count)
+        problem = blocks.problem
         if isinstance(blocks, RollingBlocks):
             law = *blocks.law[:4], r / blocks.lengths
         else:
@@ -75,15 +78,15 @@ class MeasuredParts:
 class ContactPart(NamedTuple):
     """A connected part of a problem: its rows in W, and what the method prepared for it."""
 
-    rows: Index
+    rows: Index | slice
     measured: MeasuredParts
     prepared: Any
 
     @classmethod
-    def of(cls, rows: Index, problem: Contact, prepared: Any) -> ContactPart:
+    def of(cls, rows: Index | slice, problem: Contact, prepared: Any) -> ContactPart:
         """Take the part with these rows, a problem by itself."""
         blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
-        if not isinstance(blocks, BlockRows | RollingBlocks):
+        if not isinstance(blocks, (BlockRows, RollingBlocks)):
             blocks = rows_of_blocks(problem)
         return cls(rows, MeasuredParts(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
 
@@ -101,15 +104,18 @@ class ContactPart(NamedTuple):
 
         Most are far from that by |W_ij| ≤ d/min ρ, as it is of a W that is positive semidefinite.
         """
-        problem, d, q, r = self.problem, self.problem.dimension, self.problem.q, answer
-        if isinstance(blocks := self.measured.blocks, RollingBlocks):
-            lengths, rho = problem.lengths.ravel(), problem.rho
-            q, r = q * lengths, r / lengths
+        blocks, r = self.measured.blocks, answer
+        problem = blocks.problem
+        d = problem.dimension
+        if isinstance(blocks, RollingBlocks):
+            q, _, _, rho, _ = blocks.law
+            r = r / blocks.lengths
         else:
-            rho = blocks.rho
+            q, rho = problem.q, blocks.rho
         # by Cauchy's inequality: ‖q‖₂/√n ≤ ‖q‖∞ and ‖r‖₁ ≤ √n‖r‖₂, for sums take longer
         size = math.sqrt(q.dot(q))
-        pushed = d / np.minimum.reduce(rho) * math.sqrt(q.size * r.dot(r))
+        least = min(rho.tolist()) if rho.size <= FEW else np.minimum.reduce(rho)
+        pushed = d / least * math.sqrt(q.size * r.dot(r))
         if d * ROUNDINGS * EPS * (pushed + size) < tolerance * size / math.sqrt(q.size):
             return False
         return rounding_error(problem, answer, np.zeros(problem.nc, np.int64)) >= tolerance
@@ -193,6 +199,19 @@ def error_or_rounding(problem: Contact, r: Vector, tolerance: float) -> float:
     error = float(MeasuredParts(rows_of_blocks(problem), label, len(parts)).errors(r).max(initial=0.0))
     floor = rounding_error(problem, r, label)
     return floor if max(error, tolerance) <= floor else error
+
+
+def at_rest(q: Vector, d: int) -> bool:
+    """Return whether r = 0 solves contacts with these free velocities: wherever q_N ≥ 0, the dual cone has û, with
+    rolling friction too."""
+    return q.size == 0 or (q[0] >= 0.0 and bool((q[::d] >= 0.0).all()))
+
+
+def at_hand(point: Any, counters: dict[str, int], record: Record | None) -> SolverOutput:
+    """Return the output of a solver whose first point is the answer."""
+    if record is not None:
+        record(0, 0.0, lambda: point)
+    return solved(point, counters)
 
 
 def labels_of(parts: list[Index], count: int) -> Index:

@@ -18,7 +18,7 @@ from cpbench_solvers.contact import members
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.newton_equation import ContactFunction
 from cpbench_solvers.contact.parts import MeasuredParts
-from cpbench_solvers.contact.policy import TurnProgress, sweep_work
+from cpbench_solvers.contact.policy import TurnProgress, factor_entries, sweep_work
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
 LULL = 800
@@ -59,6 +59,7 @@ class Phases:
         self._progress.note(self._cost * self._first, self.error)
         self._progress.rest()
         self._ahead: str | None = None
+        self._priced = False
         self._members: dict[str, members.Member] = {
             "interior": members.InteriorMember(contacts),
             "newton": members.NewtonMember(contacts, start, ContactFunction.ALART_CURNIER),
@@ -91,10 +92,12 @@ class Phases:
 
         A method that has just come much nearer has the next turn too.
         """
-        before = self.error
-        due = {name: member.progress.due(self.tolerance) for name, member in self._members.items() if not member.over}
-        due = {None: self._progress.due(self.tolerance), **due}
-        name = self._ahead or min(due, key=due.__getitem__)
+        before, name = self.error, self._ahead or self._next()
+        if name is not None and not self._priced:
+            entries, self._priced = factor_entries(self._contacts.rows), True
+            for member in self._members.values():
+                member.price(entries)
+            name = self._next()
         if name is None:
             done, unit = self._sweep(), "sweeps"
         else:
@@ -108,6 +111,11 @@ class Phases:
         for member in self._members.values():
             if member.takes_start and self.error <= NEARER * member.level < np.inf:
                 member.level, member.progress = np.inf, member.afresh()
+
+    def _next(self) -> str | None:
+        due = {name: member.progress.due(self.tolerance) for name, member in self._members.items() if not member.over}
+        due = {None: self._progress.due(self.tolerance), **due}
+        return min(due, key=due.__getitem__)
 
     @property
     def _over(self) -> bool:

@@ -6,12 +6,16 @@ Portfolios of this kind: Huberman, Lukose and Hogg 1997, Science 275:51; Gomes a
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.factorization import DENSE_LIMIT
 from cpbench.foundation.matrices import Matrix
+from cpbench_solvers.contact.newton_equation import DENSE_FROM
 from cpbench_solvers.contact.sweeps import BlockRows
+from cpbench_solvers.kernels import minimum_degree, qp_ldl
 
 GAIN = 0.9
 """A turn that leaves more than this share of the least error has gained nothing."""
@@ -22,20 +26,22 @@ SWEEP, PER_BLOCK, PER_CONTACT = 500.0, 3.0, 25.0
 """Of an accelerated sweep: nanoseconds for itself, for a block of W and for a contact."""
 GRADIENT = 1.5
 """Of an iteration of projected gradients with its measurement: sweeps that take as long."""
-STEP, PER_ROW, PER_ENTRY, PER_SQUARE, PER_CUBE = 3e4, 1e3, 1.0, 5.0, 0.02
-"""Of a Newton step: nanoseconds for all calls, for a row of W, for an entry of W times √n when W is sparse, for n² and
-for n³ when it is dense."""
-POINT, PER_POINT_ROW, PER_POINT_ENTRY, PER_POINT_CUBE = 2.7e4, 540.0, 4.5, 0.036
-"""Of a step of interior points: nanoseconds for all calls, for a row of W and, when it is sparse, for an entry of W
-times √n; when it is dense, for n³."""
-ITERATION, SOLVE_SHARE, PER_FACTOR_ENTRY = 1e4, 0.06, 3.0
-"""Of an iteration of ADMM: nanoseconds for all calls, for an entry of the factors, and before these are there to be
-counted the share of a Newton step.
+STEP, PER_ROW, PER_SQUARE, PER_CUBE = 3e4, 1e3, 5.0, 0.02
+"""Of a Newton step on a dense W: nanoseconds for all calls, for a row of W, for n² and for n³."""
+POINT, PER_POINT_ROW, PER_POINT_CUBE = 5e4, 540.0, 0.036
+"""Of a step of interior points on a dense W."""
+FACTOR, PER_FACTOR_ROW, PER_ENTRY, PER_FILL, MOVING = 3e5, 900.0, 30.0, 0.08, 0.25
+"""Of either on a sparse W, whose factors have e entries: for all calls, for a row, for an entry and for e²/n; the share
+of the last two in a Newton step, whose system is that of the contacts that are closed."""
+ITERATION, PER_SOLVED = 1e4, 1.0
+"""Of an iteration of ADMM: nanoseconds for all calls and for an entry of the factors.
 
 Not measured while it runs, so that the same problem takes the same way everywhere. The constants are those of one busy
-core of an AMD EPYC (family 26) on scenes of 1 to 300 contacts: all is counted to a factor of 2 of what was measured,
+core of an AMD EPYC (family 26) on scenes of 1 to 1,000 contacts: all is counted to a factor of 2 of what was measured,
 either way.
 """
+FILL = 2
+"""Times the entries of W: what the factors of a sparse W are thought to have until they are counted."""
 
 
 class TurnProgress:
@@ -77,7 +83,7 @@ class TurnProgress:
             return self._patience * self.turn
         if self._lull:
             return min(self._foreseen(tolerance), self.turn)
-        return min(self._foreseen(tolerance), PATIENCE * self.turn) - self.spent
+        return min(self._foreseen(tolerance), self._patience * self.turn) - self.spent
 
     def _foreseen(self, tolerance: float) -> float:
         """Return the work that it will have had when it is done, at the rate that it had since less than half of it."""
@@ -88,25 +94,62 @@ class TurnProgress:
         return self.spent + max(math.log(self.error / tolerance), 0.0) / rate
 
 
-def sweep_work(rows: BlockRows) -> float:
-    """Return nanoseconds of an accelerated sweep."""
+def sweep_work(rows: BlockRows, entries: int = 0) -> float:
+    """Return nanoseconds of an accelerated sweep; `entries` : of the factors of W, for methods that have some."""
     return SWEEP + PER_BLOCK * rows.column.size + PER_CONTACT * rows.problem.nc
 
 
-def step_work(W: Matrix) -> float:
+def gradient_work(rows: BlockRows, entries: int) -> float:
+    """Return nanoseconds of an iteration of projected gradients."""
+    return GRADIENT * sweep_work(rows)
+
+
+def step_work(rows: BlockRows, entries: int) -> float:
     """Return nanoseconds of a Newton step."""
-    n = W.shape[0]
-    factors = PER_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) else (PER_SQUARE + PER_CUBE * n) * n * n
-    return STEP + PER_ROW * n + factors
+    n = rows.problem.q.size
+    if _sparse(rows.problem.W):
+        return _factor_work(n, entries, MOVING)
+    return STEP + PER_ROW * n + (PER_SQUARE + PER_CUBE * n) * n * n
 
 
-def point_work(W: Matrix) -> float:
+def point_work(rows: BlockRows, entries: int) -> float:
     """Return nanoseconds of a step of interior points."""
-    n = W.shape[0]
-    factors = PER_POINT_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) and n > DENSE_LIMIT else PER_POINT_CUBE * n**3
-    return POINT + PER_POINT_ROW * n + factors
+    n = rows.problem.q.size
+    return (
+        _factor_work(n, entries, 1.0)
+        if _sparse(rows.problem.W)
+        else POINT + (PER_POINT_ROW + PER_POINT_CUBE * n * n) * n
+    )
 
 
-def iteration_work(W: Matrix, entries: int) -> float:
-    """Return nanoseconds of an iteration of ADMM, `entries` : of its factors, 0 before they are known."""
-    return ITERATION + (PER_FACTOR_ENTRY * entries if entries else SOLVE_SHARE * step_work(W))
+def iteration_work(rows: BlockRows, entries: int) -> float:
+    """Return nanoseconds of an iteration of ADMM with its measurement, which takes as long as a sweep."""
+    return ITERATION + PER_SOLVED * entries + sweep_work(rows)
+
+
+def _factor_work(n: int, entries: int, share: float) -> float:
+    return FACTOR + PER_FACTOR_ROW * n + share * entries * (PER_ENTRY + PER_FILL * entries / n)
+
+
+def _sparse(W: Matrix) -> bool:
+    return sp.issparse(W) and W.shape[0] > DENSE_LIMIT and W.nnz <= DENSE_FROM * W.shape[0] ** 2
+
+
+def likely_entries(rows: BlockRows) -> int:
+    """Return the entries of the factors of W before they are counted."""
+    W: Any = rows.problem.W
+    return FILL * W.nnz if _sparse(W) else W.shape[0] ** 2
+
+
+def factor_entries(rows: BlockRows) -> int:
+    """Return the entries of the factors of W, of a sparse one in an order of least degree, by its graph of contacts."""
+    nc, d = rows.problem.nc, rows.problem.dimension
+    if not _sparse(rows.problem.W):
+        return likely_entries(rows)
+    graph: Any = sp.csr_array((np.ones(rows.column.size), rows.column, rows.start.astype(np.int64)), shape=(nc, nc))
+    graph = sp.csr_array(graph + graph.T)
+    order, parent, count = np.empty((3, nc), np.int64)
+    minimum_degree.minimum_degree(graph.indptr.astype(np.int32), graph.indices.astype(np.int32), order)
+    upper: Any = sp.triu(graph[order][:, order], 1, format="csc")
+    qp_ldl.tree(upper.indptr.astype(np.int32), upper.indices.astype(np.int32), parent, count)
+    return d * d * int(2 * count.sum() + nc)

@@ -164,11 +164,6 @@ class AcceleratedSweeps:
                 break
         return status != NOT_FINITE
 
-    def take(self, work: Vector, done: int, error: float, seen: int) -> None:
-        """Go on from where a call of the kernel has left `work`."""
-        self._work, self.best = work, work[self._way.answer]
-        self.done, self.error, self.seen = done, error, seen
-
     def iterate(self) -> SweepState:
         """Return the state for other sweeps to go on from, in the memory of these."""
         problem = self._rows.problem

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import planted
+import planted_contact
 import pytest
+import scipy.sparse as sp
 
 from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_solvers.contact.members import PlainMember
-from cpbench_solvers.contact.policy import PATIENCE, TurnProgress
+from cpbench_solvers.contact.policy import PATIENCE, TurnProgress, factor_entries
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
 from cpbench_solvers.kernels import anderson
 
@@ -129,6 +133,39 @@ def test_plain_sweeps_foretell_when_they_are_done(shared_data: Path) -> None:
     assert 1200 < (member.spent + member.progress.due(1e-4)) / member.cost < 2400
     member.advance(100_000, np.inf, 1e-4)
     assert problem.residuals(FCPoint(member.r)).error <= 1e-4
+
+
+@pytest.mark.parametrize("node", ["fc 2", "fc 3", "rfc", "gfc"])
+def test_where_no_contact_closes_nothing_is_prepared(rng: np.random.Generator, node: str) -> None:
+    """r = 0 solves it exactly where every free velocity is q_N ≥ 0; the least that closes is solved as before."""
+    problem: Any
+    if node == "gfc":
+        problem, _ = planted_contact.gfc(rng, 3, 4, 2, 3, sparse=False)
+        name, given, free = "w", problem.w, problem.free_velocity
+    else:
+        rolling = node == "rfc"
+        problem, _ = planted_contact.rfc(rng, 5, 5, sparse=False) if rolling else planted.fc(rng, 5, int(node[-1]))
+        name, given, free = "q", problem.q, problem.q
+    d, raised = problem.dimension, given.copy()
+    raised[::d] += np.abs(free[::d]) - free[::d] + 1e-3
+    for less, at_once in ((0.0, True), (abs(free[0]) + 2e-3, False)):
+        raised[0] -= less
+        other = replace(problem, **{name: raised.copy()})
+        output = solvers.get(f"auto-{other.node}").run(other, Budget(tolerance=1e-8))
+        assert output.claim is Claim.SOLVED
+        assert judge(other, output.point, 1e-8).solved
+        assert (not output.point.r.any() and output.counters["iterations"] == 0) is at_once
+
+
+def test_entries_of_factors_are_counted_before_they_are_made() -> None:
+    """A chain has no fill, whatever the order in which it is numbered; a ring has one for each contact but three."""
+    nc, order = 60, np.random.default_rng(1).permutation(60)
+    for closed, edges in ((0.0, nc - 1), (1.0, nc + nc - 3)):
+        links = sp.diags_array([np.ones(nc - 1), [closed]], offsets=[1, nc - 1], shape=(nc, nc))
+        graph = sp.csr_array(links + links.T + 4.0 * sp.eye_array(nc))[order][:, order]
+        W = sp.csr_array(sp.kron(graph, np.eye(3) + 0.1))
+        rows = block_rows(FrictionContact(W=W, q=-np.ones(3 * nc), mu=np.full(nc, 0.5)))
+        assert factor_entries(rows) == 9 * (nc + 2 * edges)
 
 
 def test_members_go_on_where_norms_hide_an_error() -> None:
