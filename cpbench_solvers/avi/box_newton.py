@@ -1,34 +1,38 @@
-"""Semismooth Newton on the natural map between bounds: which of them are active, then the free unknowns at once."""
+"""Semismooth Newton between bounds: which of them are active, then the free unknowns at once."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from cpbench.formulations.linear import AVI, Relay
-from cpbench.foundation.cones import project_box
-from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench.solvers.shared.jacobians import box_jacobian
+from cpbench.formulations.ncp_functions import fischer_burmeister, minimum
+from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.avi.claims import error_of
-from cpbench_solvers.nonlinear.natural_map import (
-    AffineVI,
-    NaturalMapNewton,
-    NewtonOptions,
-    ScaledVI,
-    congruent,
-    equilibrate,
-)
+from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, LinearBox, run
+from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
+from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench_solvers.traits import ITERATIVE
 
 
-class _NewtonOnBox(NaturalMapNewton):
-    """z ← at its bound where z − w is beyond it, and w_F = 0 for the others F: Newton on z − P(z − w).
+class ScaledBox(NamedTuple):
+    """Data in units in which the largest entries of M, and of w and z in a solution, are about 1; z is `unit` times
+    that of the data."""
 
-    This is block principal pivoting for bounds, with a line search; projection and contraction take over where it
-    does not descend. Converges from anywhere for monotone M; other M are tried.
+    problem: Relay | AVI
+    M: Matrix
+    q: Vector
+    unit: Vector
+
+
+class _NewtonOnBox(Solver):
+    """z ← at its bound where z − w is beyond it, and w_F = 0 for the others F: Newton on min and max of z and w.
+
+    This is block principal pivoting for bounds, with a line search on the merit of Fischer and Burmeister; where the
+    matrix is singular: Levenberg and Marquardt's direction, the gradient, in the end other starts.
     """
 
     def obstacle(self, problem: Relay | AVI) -> str | None:
@@ -37,39 +41,48 @@ class _NewtonOnBox(NaturalMapNewton):
             return f"has {rows} rows beside its bounds, whose set has no projection in closed form: use lemke-avi"
         return None
 
-    def setup(self, problem: Relay | AVI, budget: Budget, options: NewtonOptions) -> ScaledVI:
+    def setup(self, problem: Relay | AVI, budget: Budget, options: SemismoothOptions) -> ScaledBox:
         n = problem.q.size
-        d = equilibrate(problem.M, np.arange(n))
+        M = dense(problem.M) if n <= DENSE_LIMIT else problem.M
+        d = equilibrate(M, np.arange(n))
         # what is fixed takes any force, and a large one must not set a scale
         weighed = d * np.where(problem.moving, problem.q, 0.0)
         forces = max_abs(weighed) or 1.0
         # bounds much nearer than the z that balances q are the better unit, as in `Relay.z_unit`
         width = max_abs(((problem.ub - problem.lb) / d)[problem.moving])
         size = min(forces, width) if width > 0 else forces
-        unit = size * d
-        lower, upper = problem.lb / unit, problem.ub / unit
+        return ScaledBox(problem, congruent(M, d) * (size / forces), weighed / forces, size * d)
+
+    def solve(
+        self,
+        prepared: ScaledBox,
+        budget: Budget,
+        options: SemismoothOptions,
+        start: Any = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, M, q, unit = prepared
 
         def answer(z: Vector) -> Any:
             return problem.point_from_vector(unit * z)
 
-        vi = AffineVI(
-            M=congruent(problem.M, d) * (size / forces),
-            q=weighed / forces,
-            project=lambda z: project_box(z, lower, upper),
-            jacobian=lambda z: box_jacobian(z, lower, upper),
-            answer=answer,
-            error=lambda z: error_of(problem, answer(z), budget.tolerance),
-        )
-        return ScaledVI(vi, unit)
+        def error(z: Vector, tolerance: float) -> float:
+            return error_of(problem, answer(z), tolerance)
+
+        box = LinearBox(M, q, problem.lb / unit, problem.ub / unit, answer, error)
+        method = SemismoothMethod(box, minimum, fischer_burmeister, options)
+        limit = budget.iterations or options.max_iterations
+        return run(method, budget, limit, options.restarts, None if start is None else start.vector / unit, record)
 
 
 _spec = partial(
     SolverSpec,
-    summary="semismooth Newton on the bounds, safeguarded by projection and contraction",
+    summary="semismooth Newton on the bounds, merit of Fischer-Burmeister, nonmonotone line search",
     method="semismooth Newton",
-    citation="Pang 1990, Math. Oper. Res. 15:311; He 1997, Appl. Math. Optim. 35:69",
+    citation="Pang 1990, Math. Oper. Res. 15:311; Billups 1995; De Luca, Facchinei and Kanzow 2000, "
+    "Comput. Optim. Appl. 16",
     traits=ITERATIVE,
-    options=NewtonOptions,
+    options=SemismoothOptions,
 )
 
 
@@ -82,6 +95,6 @@ class NewtonRelay(_NewtonOnBox):
 
 @register
 class NewtonAVI(_NewtonOnBox):
-    """Newton's method where there are bounds alone, whose projection is a formula."""
+    """Newton's method where there are bounds alone."""
 
     spec: ClassVar[SolverSpec] = _spec(name="newton-avi", node="avi")

@@ -52,9 +52,9 @@ class LCPBox(LinearBox):
 
     def __init__(self, prepared: ScaledLCP) -> None:
         problem, unit = prepared.problem, prepared.z_unit
-        lb = np.zeros(prepared.q.size)
+        lb, ub = np.zeros(prepared.q.size), np.full(prepared.q.size, np.inf)
         super().__init__(
-            prepared.M, prepared.q, lb, lambda z: LCPPoint(z * unit), lambda z, t: error_of(problem, z * unit, t)
+            prepared.M, prepared.q, lb, ub, lambda z: LCPPoint(z * unit), lambda z, t: error_of(problem, z * unit, t)
         )
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:

@@ -20,7 +20,7 @@ from cpbench_solvers.traits import ITERATIVE
 def linear_box(prepared: ScaledMLCP) -> LinearBox:
     """Return Kx + k of a scaled MLCP, its first unknowns free, the others ≥ 0."""
     lb = np.where(np.arange(prepared.k.size) < prepared.free, -np.inf, 0.0)
-    return LinearBox(prepared.K, prepared.k, lb, prepared.point, prepared.error)
+    return LinearBox(prepared.K, prepared.k, lb, np.full(lb.size, np.inf), prepared.point, prepared.error)
 
 
 class _NewtonMLCP(Solver):

@@ -14,19 +14,12 @@ from cpbench.foundation import matrices
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import NEARER, AutomaticChoice, Neighbour, SolverPhase, automatic_spec
 
-QUICK = {"max_extra": 4, "restarts": 0}
-"""Options of Newton's method on the normal map in front: it takes few steps where matrices are regular. On networks,
-whose matrices are singular, it takes many and dear ones."""
-STEPS = 25, 15, 20, 10
-"""In the first turns of all members, some of whose steps are paths or problems of their own."""
-
 
 @register
 class AutoMiCP(AutomaticChoice):
-    """The normal map, the Fischer–Burmeister equation, Josephy–Newton with a path search.
-
-    The first is done in a few cheap steps, or is not for the problem; where one stops at a point that is no solution,
-    the next one's merit function has its stationary points elsewhere.
+    """Newton's method on the active set, the Fischer–Burmeister equation, a path search, the normal map, and
+    Josephy–Newton: where one stops at a point that is no solution, the next one's merit function or path leads
+    elsewhere.
     """
 
     spec: ClassVar[SolverSpec] = automatic_spec(
@@ -34,6 +27,7 @@ class AutoMiCP(AutomaticChoice):
     )
     worth: ClassVar[float] = NEARER
     members: ClassVar[tuple[str, ...]] = (
+        "newton-min-micp",
         "newton-fb-micp",
         "path-search",
         "newton-normal-map",
@@ -42,8 +36,7 @@ class AutoMiCP(AutomaticChoice):
 
     def phases(self, problem: MiCP) -> Sequence[SolverPhase]:
         affine = [SolverPhase("auto-avi", via=_box)] if problem.F.compiled.affine else []
-        quick = SolverPhase("newton-normal-map", STEPS[2], QUICK)
-        return [*affine, quick, *map(SolverPhase, self.members, STEPS)]
+        return [*affine, *super().phases(problem)]
 
 
 @register

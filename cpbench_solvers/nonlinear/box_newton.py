@@ -135,12 +135,13 @@ class LinearBox(CountedBox):
         M: Matrix,
         q: Vector,
         lb: Vector,
+        ub: Vector,
         point: Callable[[Vector], Any],
         error_of: Callable[[Vector, float], float],
     ) -> None:
         self._M, self._q, self._point, self._error_of = M, q, point, error_of
-        self.n, self.lb, self.ub = q.size, lb, np.full(q.size, np.inf)
-        self.equation = Reformulation(self.lb, self.ub)
+        self.n, self.lb, self.ub = q.size, lb, ub
+        self.equation = Reformulation(lb, ub)
         self.counters = {"iterations": 0, "evaluations": 0, "factorizations": 0, "regularized": 0, "restarts": 0}
 
     @property

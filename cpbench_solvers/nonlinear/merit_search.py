@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from scipy.linalg import lapack
 from cpbench.formulations.ncp_functions import NCPFunction
 from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, CountedBox
+from cpbench_solvers.nonlinear.normal_path import shifted
 
 ARMIJO = 1e-4
 ACCEPT = 0.9
@@ -156,19 +158,27 @@ def damped(box: CountedBox, V: Matrix, phi: Vector, share: float) -> Vector | No
     return None if both is None else both[zero.size :]
 
 
+SHIFT = 1e-8
+"""Times max|F′|, added to the diagonal of F′ where Newton's direction fails: enough where F is monotone."""
 SHARES = (1e-8, 1e-4, 1e-1)
 """Levenberg–Marquardt's regularizations that are tried one after the other."""
 
 
 def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> MeritPoint | None:
     """Return a step along a regularized direction or, in the end, along minus the gradient."""
-    for share in SHARES:
-        d = damped(descent.box, _generalized(at.alpha, at.beta, J), at.phi, share)
-        if d is not None:
-            result = descent.search(at, d, float(gradient @ d))
-            if result is not None:
-                return result
+    for d in _regularized(descent.box, at, J):
+        result = None if d is None else descent.search(at, d, float(gradient @ d))
+        if result is not None:
+            return result
     return descent.search(at, -gradient, -float(gradient @ gradient))
+
+
+def _regularized(box: CountedBox, at: MeritPoint, J: Matrix) -> Iterator[Vector | None]:
+    """Return Newton's direction for F′ with a shifted diagonal, then Levenberg–Marquardt's, whose systems have twice
+    as many unknowns."""
+    yield box.solve(_generalized(at.alpha, at.beta, shifted(J, SHIFT)), -at.phi)
+    for share in SHARES:
+        yield damped(box, _generalized(at.alpha, at.beta, J), at.phi, share)
 
 
 def fall_back_afresh(descent: Descent, z: Vector, F: Vector, J: Matrix) -> MeritPoint | None:

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.formulations.ncp_functions import fischer_burmeister
-from cpbench.foundation.matrices import Matrix, Vector, identity, max_abs, norm
+from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back_afresh
-from cpbench_solvers.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point
+from cpbench_solvers.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point, shifted
 from cpbench_solvers.traits import ITERATIVE
 
 BACKTRACKS = 12
@@ -103,7 +102,7 @@ class _NormalMap(BoxMethod):
         as prices have, adds nothing to it); those of regularized matrices."""
         box = self.box
         for share in PERTURBATIONS:
-            C = cell_matrix(_shifted(J, share), between)
+            C = cell_matrix(shifted(J, share), between)
             d = box.solve(C, -value)
             if d is None:
                 d = damped(box, C, value, SHARES[0])
@@ -126,11 +125,3 @@ def _merit(value: Vector) -> float:
     with np.errstate(all="ignore"):
         merit = 0.5 * float(value @ value)
     return merit if math.isfinite(merit) else math.inf
-
-
-def _shifted(J: Matrix, share: float) -> Matrix:
-    """Return J + share · max|J| I."""
-    if share == 0.0:
-        return J
-    shifted = J + share * (max_abs(J) or 1.0) * identity(J.shape[0], J)
-    return sp.csr_array(shifted) if sp.issparse(J) else np.asarray(shifted)

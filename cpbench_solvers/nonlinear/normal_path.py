@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.factorization import Factorization
-from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
+from cpbench.foundation.matrices import Matrix, Vector, dense, identity, max_abs
 
 REFRESH = 100
 """Pivots after which the basis is factorized again."""
@@ -45,6 +45,14 @@ def cell_matrix(M: Matrix, between: NDArray[np.bool_]) -> Matrix:
     outside = np.flatnonzero(~between)
     C[outside, outside] = 1.0
     return C
+
+
+def shifted(M: Matrix, share: float) -> Matrix:
+    """Return M + share · max|M| I."""
+    if share == 0.0:
+        return M
+    moved = M + share * (max_abs(M) or 1.0) * identity(M.shape[0], M)
+    return sp.csr_array(moved) if sp.issparse(M) else np.asarray(moved)
 
 
 @dataclass(frozen=True)
@@ -97,12 +105,9 @@ class NormalPath:
     def trace(self, until: float, most: int, deadline: float) -> Trace | None:
         """Follow the path until t reaches `until`, nothing meets a border any more, t is back at 0, or `most` pivots;
         None where no perturbation makes the first basis regular."""
-        top = max_abs(self._M) or 1.0
         for share in PERTURBATIONS:
-            n = self._x.size
-            eye = sp.eye_array(n, format="csr") if sp.issparse(self._M) else np.eye(n)
-            shifted = self._M + share * top * eye if share else self._M
-            result = _Walk(shifted, self._r, self._x, self._lb, self._ub).go(until, most, deadline)  # pyright: ignore
+            walk = _Walk(shifted(self._M, share), self._r, self._x, self._lb, self._ub)
+            result = walk.go(until, most, deadline)
             if result is not None:
                 return result
         return None
