@@ -13,8 +13,8 @@ from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, LinearBox, run
-from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
+from cpbench_solvers.qp.scaling import congruent, equilibrate
 from cpbench_solvers.traits import ITERATIVE
 
 

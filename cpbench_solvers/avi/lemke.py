@@ -23,7 +23,7 @@ from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.avi.polyhedron_vertex import ACTIVE, ScaledPolyhedron
 from cpbench_solvers.lcp.claims import CLOSE, concluded, size_obstacle
-from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
+from cpbench_solvers.qp.scaling import congruent, equilibrate
 
 
 @dataclass(frozen=True)

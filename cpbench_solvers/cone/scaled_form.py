@@ -22,8 +22,8 @@ from cpbench.foundation import matrices
 from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench_solvers.avi.claims import verdict_error
-from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.qp.claims import ErrorMeasure
+from cpbench_solvers.qp.scaling import congruent, equilibrate
 
 
 @dataclass(frozen=True, eq=False)

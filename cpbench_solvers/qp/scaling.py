@@ -7,6 +7,7 @@ positive at lower bounds, negative at upper ones) are those of the problem divid
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,6 +21,7 @@ from cpbench_solvers.qp.presolve import SparseQP, sparse_data
 
 PASSES = 4
 """Of equilibration; every one takes the root of what is left."""
+RUIZ_STEPS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,3 +105,31 @@ def _scales(problem: QP | SparseQP, D: Vector, E: Vector, top: float) -> Scales:
     g, by, (lower, upper) = D * problem.p, np.concatenate([1.0 / D, E]), limits(problem)
     c = float(2.0 ** -np.round(np.log2(max(top, max_abs(g)) or 1.0)))
     return Scales(problem, c * g, lower * by, upper * by, D, E, c)
+
+
+def equilibrate(M: Matrix, groups: Any) -> Vector:
+    """Return d > 0, equal within each group, such that the largest entry of every group of rows of diag(d) M diag(d) is
+    about 1 (symmetric Ruiz scaling); a group of zero rows and columns keeps 1. Shape (n,).
+    """
+    n = M.shape[0]
+    d = np.ones(n)
+    if n == 0:
+        return d
+    size: Any = abs(M)
+    for _ in range(RUIZ_STEPS):
+        rows = _tops(congruent(size, d))
+        top = np.zeros(int(groups[-1]) + 1)
+        np.maximum.at(top, groups, rows)
+        d = d / np.sqrt(np.where(top > 0, top, 1.0))[groups]
+    return d
+
+
+def _tops(size: Any) -> Vector:
+    """Return the largest number of every row and column with the same index."""
+    tops = [size.max(axis=axis) for axis in (0, 1)]
+    return np.maximum(*[top.toarray().ravel() if sp.issparse(size) else top for top in tops])
+
+
+def congruent(M: Matrix, d: Vector) -> Matrix:
+    """Return diag(d) M diag(d)."""
+    return sp.csr_array(sp.diags_array(d) @ M @ sp.diags_array(d)) if sp.issparse(M) else M * d[:, None] * d

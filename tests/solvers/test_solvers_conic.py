@@ -14,7 +14,7 @@ from cpbench.foundation.matrices import dense
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench.verification import judge
-from cpbench_solvers.nonlinear.natural_map import equilibrate
+from cpbench_solvers.qp.scaling import equilibrate
 
 TIGHT = Budget(tolerance=1e-10)
 SHAPES = ProductCone.of(
@@ -73,9 +73,9 @@ def test_newton_reaches_ten_digits_on_monotone_cone_problems(kind: str, sparse: 
 
 def test_projection_and_contraction_alone_converge(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     """Without Newton, on a rotation, where plain projection circles for ever: ‖F‖ falls in the norm of the paper."""
-    from cpbench_solvers.nonlinear import natural_map
+    from cpbench_solvers.cone import newton
 
-    monkeypatch.setattr(natural_map, "_newton", lambda *_: None)
+    monkeypatch.setattr(newton, "_newton", lambda *_: None)
     K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 0.5))
     G = rng.standard_normal((12, 12))
     x, w = planted_conic.pair(rng, K)
