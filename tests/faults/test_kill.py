@@ -55,7 +55,7 @@ def test_kill_and_resume(bench, problems: int) -> None:
     assert (table.status == "solved").all()
     assert {key for key, _ in store.answers()} == set(table.index)
     assert (table.loc[finished.index].finished == finished.finished).all(), "finished rows are not run again"
-    assert store._database.connection.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
+    assert store.connection.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
     store.close()
 
 

@@ -131,7 +131,7 @@ def assert_intact(path: Path, done: int) -> None:
         finished = {row.key for row in store.rows() if row.status != "not_run"}
         assert len(finished) == done
         assert {key for key, blob in store.answers() if len(blob) == 20_000} == finished
-        assert store._database.read("PRAGMA integrity_check") == [("ok",)]
+        assert store.read("PRAGMA integrity_check") == [("ok",)]
 
 
 # ------------------------------------------------------------------------------------------------ room
@@ -238,7 +238,7 @@ def test_two_runs_on_one_file(tmp_path: Path) -> None:
     path = tmp_path / "r.sqlite"
     assert run(tmp_path, path).returncode == 0
     code = "import sys, time; from cpbench.bench.results.store import Store; s = Store(sys.argv[1], create=True)"
-    code += "; s._database.connection.execute('BEGIN IMMEDIATE'); print('held', flush=True); time.sleep(600)"
+    code += "; s.connection.execute('BEGIN IMMEDIATE'); print('held', flush=True); time.sleep(600)"
     command = [sys.executable, "-c", code, str(path)]
     holder = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:

@@ -123,7 +123,7 @@ def test_each_pair_has_one_row(results: tuple[Path, Path]) -> None:
     assert not (table.status == "not_run").any()
     assert (table.attempts == 1).all()
     with Store(storm) as store:
-        assert store._database.read("PRAGMA integrity_check") == [("ok",)]
+        assert store.read("PRAGMA integrity_check") == [("ok",)]
 
 
 def test_each_fault_has_its_status(results: tuple[Path, Path]) -> None:

@@ -143,7 +143,7 @@ def test_kept_bytes_follow_what_is_kept(store: Store, tmp_path: Path) -> None:
         store.finish(p.key, Outcome(**ROW, answer=b"x" * 100))
     store.reset(keys=[planned[0].key])
     assert store._kept == 200
-    plan = store._database.read("EXPLAIN QUERY PLAN SELECT coalesce(sum(bytes), 0) FROM answers")
+    plan = store.read("EXPLAIN QUERY PLAN SELECT coalesce(sum(bytes), 0) FROM answers")
     assert "COVERING INDEX" in plan[0][-1], "opening a file reads no answers"
     store.close()
     with Store(tmp_path / "r.sqlite") as again:
@@ -177,7 +177,7 @@ def test_a_row_costs_the_same_however_many_there_are(tmp_path: Path) -> None:
                 steps += 1
                 return 0
 
-            made._database.connection.set_progress_handler(step, 1)
+            made.connection.set_progress_handler(step, 1)
             for p in planned[count // 2 : count // 2 + 10]:
                 made.finish(p.key, Outcome(**ROW, answer=b"answer"))
             costs[count] = steps
@@ -193,7 +193,7 @@ def test_a_file_of_another_version_is_left_alone(tmp_path: Path, create: bool, v
     path = tmp_path / "other.sqlite"
     with Store(path, create=True) as store:
         store.plan([pair()])
-        store._database.connection.execute(f"PRAGMA user_version={version}")
+        store.connection.execute(f"PRAGMA user_version={version}")
     before = path.read_bytes()
     with pytest.raises(
         StoreError, match=f"has results schema {version}, this cpbench knows {SCHEMA} only; use the cpbench that made"

@@ -59,7 +59,7 @@ class Database:
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:
-        self._path = path
+        self.path = path
         self._real = Path(os.path.realpath(path))
         """The path without links: SQLite's helper files are beside it."""
         self._guard = threading.RLock()
@@ -91,7 +91,7 @@ class Database:
     def connection(self) -> sqlite3.Connection:
         """The connection of SQLite; raises StoreError when the file was closed."""
         if self._db is None:
-            raise StoreError(f"{self._path}: was closed")
+            raise StoreError(f"{self.path}: was closed")
         return self._db
 
     @contextmanager
@@ -140,7 +140,7 @@ class Database:
         (state,) = self.read("PRAGMA quick_check(1)")[0]
         if state != "ok":
             one_line = " ".join(str(state).split())
-            raise _explained(self._path, sqlite3.DatabaseError(one_line), sqlite3.SQLITE_CORRUPT)
+            raise _explained(self.path, sqlite3.DatabaseError(one_line), sqlite3.SQLITE_CORRUPT)
 
     @contextmanager
     def _errors_explained(self) -> Generator[None]:
@@ -148,9 +148,9 @@ class Database:
         try:
             yield
         except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
-            raise _explained(self._path, sqlite3.DatabaseError(str(cause)), sqlite3.SQLITE_CORRUPT) from cause
+            raise _explained(self.path, sqlite3.DatabaseError(str(cause)), sqlite3.SQLITE_CORRUPT) from cause
         except (sqlite3.Error, OverflowError) as cause:
-            raise _explained(self._path, cause) from cause
+            raise _explained(self.path, cause) from cause
 
     # -------------------------------------------------------------------------------------------- open
 
@@ -160,7 +160,7 @@ class Database:
         Only SQLite opens the file: a plain open and close would release the locks that another connection of this
         process has on it.
         """
-        path = self._path
+        path = self.path
         if path.is_dir():
             raise StoreError(f"{path}: is a folder, not a results file; name a file in it")
         if path.exists() and not path.is_file():
@@ -185,10 +185,10 @@ class Database:
         if version == 0 and not tables:
             return 0
         if version == 0 or not tables >= {"rows", "answers", "meta"}:
-            raise StoreError(f"{self._path}: not a results file (a database of something else); name another file")
+            raise StoreError(f"{self.path}: not a results file (a database of something else); name another file")
         if version != SCHEMA:
             raise StoreError(
-                f"{self._path}: has results schema {version}, this cpbench knows {SCHEMA} only; use the cpbench that "
+                f"{self.path}: has results schema {version}, this cpbench knows {SCHEMA} only; use the cpbench that "
                 "made it, or another file with -o"
             )
         return version
@@ -223,7 +223,7 @@ class Database:
             version = self._require_version(self._db)
         self.connection.execute("PRAGMA query_only=ON")
         if version == 0:
-            raise StoreError(f"{self._path}: is empty, not a results file")
+            raise StoreError(f"{self.path}: is empty, not a results file")
 
     def _connect_unwritable(self) -> sqlite3.Connection:
         """Open the file unchanged where SQLite cannot make helper files (a read-only folder, a full disk)."""
@@ -232,7 +232,7 @@ class Database:
         for log in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")):
             if log.exists() and log.stat().st_size:
                 raise StoreError(
-                    f"{self._path}: is in a folder that cannot be written, with the log of a killed run: copy it and "
+                    f"{self.path}: is in a folder that cannot be written, with the log of a killed run: copy it and "
                     f"{log.name} into another folder, and read it there"
                 )
         return self._connect("immutable=1")

@@ -49,24 +49,20 @@ _KEPT = ("answers", "histories", "certificates")
 """Tables of what is kept of single rows."""
 
 
-class Store:
-    """A results file, opened for running (`create=True`) or for reading.
+class Store(Database):
+    """A results file, opened for running (`create=True`) or for reading. May be used from several threads.
 
     For running, this process alone may write it; for reading, the file is left as it is, whoever writes it meanwhile.
-    May be used from several threads.
-
-    Raises StoreError when the file is not a results file, is of another version, is being written by another process or
-    cannot be written; from every method when SQLite fails.
+    Raises what `Database` does. `keep` : of which answers (KEEP).
     """
 
     def __init__(self, path: str | Path, *, create: bool = False, keep: str = "all") -> None:
-        self.path = Path(path)
+        super().__init__(Path(path), create=create)
         self._keep = keep
-        self._database = Database(self.path, create=create)
         try:  # whatever fails from here on, the lock must not stay
-            self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
+            self._kept = int(self.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
         except BaseException:
-            self._database.close()
+            self.close()
             raise
 
     def __enter__(self) -> Self:
@@ -74,19 +70,6 @@ class Store:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def close(self) -> None:
-        """Close the file and let others write it; harmless when done before."""
-        self._database.close()
-
-    def settle(self) -> None:
-        """Move what is in SQLite's log into the file; raises StoreError when that fails, where `close` would leave the
-        log."""
-        self._database.settle()
-
-    def require_whole(self) -> None:
-        """Check the file; raises StoreError when it is damaged."""
-        self._database.require_whole()
 
     def sha256(self) -> str:
         """Return the SHA-256 of the file, with all that was written so far."""
@@ -100,8 +83,8 @@ class Store:
     def meta(self) -> dict[str, Any]:
         """Return facts of the run by name, with the refused files under `refused`, and the solves that tell the
         machine's drift under `references`."""
-        values = {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
-        values["refused"] = self._database.read("SELECT address, reason FROM refused ORDER BY address")
+        values = {name: json.loads(value) for name, value in self.read("SELECT name, value FROM meta")}
+        values["refused"] = self.read("SELECT address, reason FROM refused ORDER BY address")
         values["references"] = self.references()
         return values
 
@@ -114,21 +97,21 @@ class Store:
         return self._facts("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
 
     def _facts(self, query: str) -> dict[str, dict[str, Any]]:
-        return {name: json.loads(facts) for name, facts in self._database.read(query)}
+        return {name: json.loads(facts) for name, facts in self.read(query)}
 
     def references(self) -> list[dict[str, Any]]:
         """Return the solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
         names = ("at", "pairs", "seconds", "loadavg")
-        rows = self._database.read(f"SELECT {', '.join(names)} FROM reference ORDER BY rowid")
+        rows = self.read(f"SELECT {', '.join(names)} FROM reference ORDER BY rowid")
         return [dict(zip(names, values, strict=True)) for values in rows]
 
     def pending(self) -> set[str]:
         """Return keys of planned rows that have not been run."""
-        return {key for (key,) in self._database.read("SELECT key FROM rows WHERE status = 'not_run'")}
+        return {key for (key,) in self.read("SELECT key FROM rows WHERE status = 'not_run'")}
 
     def counts(self) -> dict[str, int]:
         """Return rows by status."""
-        return dict(self._database.read("SELECT status, count(*) FROM rows GROUP BY status"))
+        return dict(self.read("SELECT status, count(*) FROM rows GROUP BY status"))
 
     def row(self, key: str) -> Row:
         """Return one row; raises StoreError where there is none."""
@@ -136,7 +119,7 @@ class Store:
 
     def rows(self) -> Iterator[Row]:
         """Yield every row, in the order in which they were planned."""
-        for values in self._database.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
+        for values in self.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
             yield Row(*values)
 
     def ending(self, key: str) -> tuple[str, bytes | None]:
@@ -145,33 +128,33 @@ class Store:
         return status, answer
 
     def _one(self, query: str, key: str) -> tuple[Any, ...]:
-        rows = self._database.read(query, (key,))
+        rows = self.read(query, (key,))
         if not rows:
             raise StoreError(f"{self.path}: no row {key}")
         return rows[0]
 
     def kept(self) -> Iterator[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]:
         """Yield (key, compressed answer, history, kind of proof, proof) of every row of which something is kept."""
-        yield from self._database.stream(_READ_KEPT)  # type: ignore[misc]
+        yield from self.stream(_READ_KEPT)  # type: ignore[misc]
 
     def answers(self) -> Iterator[tuple[str, bytes]]:
         """Yield (key, compressed answer) of every kept answer."""
-        yield from self._database.stream("SELECT key, answer FROM answers ORDER BY key")
+        yield from self.stream("SELECT key, answer FROM answers ORDER BY key")
 
     def histories(self) -> Iterator[tuple[str, bytes]]:
         """Yield (key, compressed history) of every kept history."""
-        yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
+        yield from self.stream("SELECT key, history FROM histories ORDER BY key")
 
     def certificates(self) -> Iterator[tuple[str, str, bytes]]:
         """Yield (key, kind, proof) of every row that is proved to have no solution."""
-        yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
+        yield from self.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
 
     def table(self) -> pd.DataFrame:
         """Return all rows in the order problem, label, key, with `error` ∞ where none was measured."""
         import pandas as pd
 
         parts = {name: [_column(name, ())] for name in _KINDS}
-        for rows in self._database.chunks(f"SELECT {_ALL} FROM rows ORDER BY rowid", CHUNK):
+        for rows in self.chunks(f"SELECT {_ALL} FROM rows ORDER BY rowid", CHUNK):
             for name, values in zip(_KINDS, zip(*rows, strict=True), strict=True):
                 parts[name].append(_column(name, values))
         # column by column, so that there is never a second table
@@ -186,24 +169,24 @@ class Store:
 
     def set_meta(self, **values: Any) -> None:
         """Store facts of the run by name."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", [(n, json.dumps(v)) for n, v in values.items()])
 
     def note_files(self, loaded: Iterable[str], refused: Iterable[tuple[str, str]]) -> None:
         """Note which files could not be read, and why; those that are read now are refused no longer."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             db.executemany("DELETE FROM refused WHERE address = ?", [(_text(address),) for address in loaded])
             lines = [(_text(address), _text(reason)) for address, reason in refused]
             db.executemany("INSERT OR REPLACE INTO refused VALUES (?, ?)", lines)
 
     def note_machine(self, host: str, description: Mapping[str, Any]) -> None:
         """Store the description of a machine that solves."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, json.dumps(dict(description))))
 
     def note_features(self, features: Mapping[str, Mapping[str, Any]]) -> None:
         """Note the features of problems by fingerprint, in place of what was noted of them."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             lines = [(fingerprint, json.dumps(dict(facts))) for fingerprint, facts in features.items()]
             db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", lines)
 
@@ -215,7 +198,7 @@ class Store:
 
     def add_references(self, solves: Iterable[Mapping[str, Any]]) -> None:
         """Add reference solves as `references` returns them."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             db.executemany("INSERT INTO reference VALUES (:at, :pairs, :seconds, :loadavg)", solves)
 
     # ------------------------------------------------------------------------------------------------ rows
@@ -230,19 +213,19 @@ class Store:
         rows = [Planned.of(pair) for pair in pairs]
         self._require_same_limits(rows)
         by_key = {row.key: row for row in rows}
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             values = [(*map(_text, _planned_values(row)), *_UNMEASURED) for row in by_key.values()]
             db.executemany(f"INSERT OR IGNORE INTO rows {_WHOLE}", values)
 
     def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
         of_set: dict[str, set[tuple[Any, ...]]] = {}
-        for name, *limits in self._database.read(f'SELECT DISTINCT "set", {columns} FROM rows'):
+        for name, *limits in self.read(f'SELECT DISTINCT "set", {columns} FROM rows'):
             of_set.setdefault(name, set()).add(tuple(limits))
         resumed = bool(of_set)
         for row in rows:
             wanted = limits_of(row)
-            planned = self._database.read(f"SELECT {columns} FROM rows WHERE key = ?", (row.key,)) if resumed else []
+            planned = self.read(f"SELECT {columns} FROM rows WHERE key = ?", (row.key,)) if resumed else []
             before = set(planned) or of_set.setdefault(row.set, {wanted})
             if wanted not in before:
                 raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), wanted)}")
@@ -255,7 +238,7 @@ class Store:
             message = f"{outcome.message or ''} ({NOT_KEPT}: over {KEEP_LIMIT} bytes)".strip()
             outcome, answer = replace(outcome, message=message), None
         kind = outcome.status if outcome.proof is not None else None
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             if db.execute(_FINISH, (*map(_text, _measured_values(outcome)), key)).rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key} was planned")
             for table in _KEPT:
@@ -270,19 +253,19 @@ class Store:
 
     def add(self, rows: Iterable[Row]) -> None:
         """Add rows as `rows` yields them, in one transaction."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             db.executemany(f"INSERT INTO rows {_WHOLE}", (list(map(_text, _row_values(row))) for row in rows))
 
     def add_kept(self, kept: Iterable[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]) -> None:
         """Add what is kept of existing rows, as `kept` yields it."""
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             for one in kept:
                 _keep(db, *one)
 
     def note_certificate(self, key: str, certainty: str, distance: float | None, words: str) -> None:
         """Put down how certain the answer of a row is."""
         change = "UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?"
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             if db.execute(change, (certainty, distance, _text(words), key)).rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key}")
 
@@ -304,7 +287,7 @@ class Store:
         if keys is not None:
             chosen.append("key IN (SELECT key FROM temp.asked)")
         cleared = ", ".join(f'"{c}" = NULL' for c in MEASURED if c not in ("status", "attempts"))
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             db.execute("CREATE TEMP TABLE asked (key TEXT PRIMARY KEY)")
             db.execute("CREATE TEMP TABLE chosen (key TEXT PRIMARY KEY)")
             db.executemany("INSERT OR IGNORE INTO temp.asked VALUES (?)", [(key,) for key in keys or ()])
@@ -322,7 +305,7 @@ class Store:
     def withdraw(self, keys: Iterable[str]) -> None:
         """Take rows out of the results, with all that is kept of them."""
         gone = [(key,) for key in keys]
-        with self._database.transaction() as db:
+        with self.transaction() as db:
             for table in (*_KEPT, "rows"):
                 db.executemany(f"DELETE FROM {table} WHERE key = ?", gone)
 
