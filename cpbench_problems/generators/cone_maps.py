@@ -10,25 +10,21 @@ from cpbench.foundation.cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.vi_sets import on_cones, planted_map, sides, sized_name
 
+CITATION = "planted by cpbench"
 
-@collection(
-    "ge-planted", "ge", "cubic monotone generalized equations with normal cones of products", "planted by cpbench"
-)
+
+@collection("ge-planted", "ge", "cubic monotone generalized equations with normal cones of products", CITATION)
 def build_generalized() -> list[Instance]:
     return [generalized(k) for k in (2, 10, 9, 12)]
 
 
-@collection("cp-planted", "cp", "cubic monotone cone complementarity problems", "planted by cpbench")
+@collection("cp-planted", "cp", "cubic monotone cone complementarity problems", CITATION)
 def build_cones() -> list[Instance]:
     return [cone_complementarity(k) for k in (3, 12, 8, 10)]
 
 
 @collection(
-    "ge-planted-large",
-    "ge",
-    "cubic monotone generalized equations of up to 9004 unknowns",
-    "planted by cpbench",
-    tier="standard",
+    "ge-planted-large", "ge", "cubic monotone generalized equations of up to 9004 unknowns", CITATION, tier="standard"
 )
 def build_generalized_large() -> list[Instance]:
     sparse = [generalized(k, sparse=True) for k in (500, 1000, 3000)]

@@ -18,6 +18,8 @@ from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.contact_planted import DIRECTIONS
 
+CITATION = "planted by cpbench"
+
 MU, MU_R, RADIUS = 0.625, 0.3125, 5.0
 
 
@@ -36,11 +38,7 @@ def build_soclcp() -> list[Instance]:
 
 
 @collection(
-    "cone-complementarity-large",
-    "soclcp",
-    "chains of up to 30,000 second-order cones",
-    "planted by cpbench",
-    tier="standard",
+    "cone-complementarity-large", "soclcp", "chains of up to 30,000 second-order cones", CITATION, tier="standard"
 )
 def build_large() -> list[Instance]:
     return [chained(k) for k in (400, 600, 1000, 2000, 3000, 30_000)]

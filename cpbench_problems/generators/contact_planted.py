@@ -18,15 +18,15 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense, Matrix, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 
+CITATION = "planted by cpbench"
+
 MU = 0.625
 """Friction of the planted contacts: r_N = 8 carries ‖r_T‖ = 5."""
 DIRECTIONS = np.array([[3.0, 4], [4, 3], [-3, 4], [-4, 3], [3, -4], [4, -3], [-3, -4], [-4, -3]])
 STATES = ("stick", "slide", "open", "graze")
 
 
-@collection(
-    "contact-planted-3d", "fc", "three-dimensional contacts with planted reactions, Delassus form", "planted by cpbench"
-)
+@collection("contact-planted-3d", "fc", "three-dimensional contacts with planted reactions, Delassus form", CITATION)
 def build_3d() -> list[Instance]:
     """Build contacts: full rank, hyperstatic, nonsymmetric, light beside heavy, frictionless, fast, one contact each
     way.
@@ -45,9 +45,7 @@ def build_3d() -> list[Instance]:
     ]
 
 
-@collection(
-    "contact-planted-2d", "fc", "two-dimensional contacts with planted reactions, Delassus form", "planted by cpbench"
-)
+@collection("contact-planted-2d", "fc", "two-dimensional contacts with planted reactions, Delassus form", CITATION)
 def build_2d() -> list[Instance]:
     """Build contacts in the plane: full rank, hyperstatic, with all four states of a contact."""
     rng = generator(2)
@@ -79,23 +77,13 @@ def build_large() -> list[Instance]:
 
 
 @collection(
-    "contact-chains",
-    "fc",
-    "chains of bodies that touch their neighbours, to 10⁵ rows",
-    "planted by cpbench",
-    tier="standard",
+    "contact-chains", "fc", "chains of bodies that touch their neighbours, to 10⁵ rows", CITATION, tier="standard"
 )
 def build_chains() -> list[Instance]:
     return [chain(nc) for nc in (400, 600, 1000, 2000, 3000, 30_000)]
 
 
-@collection(
-    "contact-chains-huge",
-    "fc",
-    "a chain of 10⁵ contacts",
-    "planted by cpbench",
-    tier="large",
-)
+@collection("contact-chains-huge", "fc", "a chain of 10⁵ contacts", CITATION, tier="large")
 def build_huge() -> list[Instance]:
     return [chain(100_000)]
 

@@ -13,13 +13,10 @@ from cpbench.generators.base import Instance, collection
 from cpbench_problems.generators.ncp_classics import formula_map
 from cpbench_problems.generators.symbols import Symbol, total
 
+CITATION = "Moré, Garbow, Hillstrom 1981, ACM Trans. Math. Softw. 7:17"
 
-@collection(
-    "equations",
-    "equation",
-    "systems of equations with known roots",
-    "Moré, Garbow, Hillstrom 1981, ACM Trans. Math. Softw. 7:17",
-)
+
+@collection("equations", "equation", "systems of equations with known roots", CITATION)
 def build() -> list[Instance]:
     """Build Rosenbrock's, Freudenstein and Roth's, Powell's singular and Brown's almost linear function."""
     return [
@@ -32,13 +29,7 @@ def build() -> list[Instance]:
     ]
 
 
-@collection(
-    "equations-large",
-    "equation",
-    "systems of equations with up to 10⁵ unknowns",
-    "Moré, Garbow, Hillstrom 1981, ACM Trans. Math. Softw. 7:17",
-    tier="standard",
-)
+@collection("equations-large", "equation", "systems of equations with up to 10⁵ unknowns", CITATION, tier="standard")
 def build_large() -> list[Instance]:
     return [
         *(extended_rosenbrock(n) for n in (1000, 10_000)),

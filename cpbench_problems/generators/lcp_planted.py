@@ -8,13 +8,10 @@ from cpbench.formulations.linear import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 
+CITATION = "Harker and Pang 1990, Lectures in Applied Math. 26:265 (monotone family)"
 
-@collection(
-    "lcp-planted",
-    "lcp",
-    "random LCPs of known matrix class with a planted solution",
-    "Harker and Pang 1990, Lectures in Applied Math. 26:265 (monotone family)",
-)
+
+@collection("lcp-planted", "lcp", "random LCPs of known matrix class with a planted solution", CITATION)
 def build() -> list[Instance]:
     """Build SPD, singular PSD, Harker–Pang (monotone, nonsymmetric), H₊, degenerate and badly scaled matrices."""
     return [
@@ -28,11 +25,7 @@ def build() -> list[Instance]:
 
 
 @collection(
-    "lcp-planted-large",
-    "lcp",
-    "random LCPs with a planted solution, up to 2000 unknowns",
-    "Harker and Pang 1990, Lectures in Applied Math. 26:265 (monotone family)",
-    tier="standard",
+    "lcp-planted-large", "lcp", "random LCPs with a planted solution, up to 2000 unknowns", CITATION, tier="standard"
 )
 def build_large() -> list[Instance]:
     return [

@@ -11,6 +11,8 @@ from cpbench.formulations.programs import NLP, NLPPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench_problems.generators.symbols import mapped, product, total, unknowns
 
+CITATION = "Toint 1978, Math. Comp. 32:839 (chained Rosenbrock); planted by cpbench"
+
 INSIDE = np.array([[2.0, -1, -2], [1, 2, 2], [-2, 2, 1], [2, 2, -1]])
 """Points of length 3, for the centres of blocks of three unknowns."""
 
@@ -25,13 +27,7 @@ def build() -> list[Instance]:
     return [*(balls(count) for count in (10, 14, 20, 30)), *(rosenbrock(n) for n in (30, 60))]
 
 
-@collection(
-    "nlp-planted-large",
-    "nlp",
-    "the same with up to 10⁴ unknowns",
-    "Toint 1978, Math. Comp. 32:839 (chained Rosenbrock); planted by cpbench",
-    tier="standard",
-)
+@collection("nlp-planted-large", "nlp", "the same with up to 10⁴ unknowns", CITATION, tier="standard")
 def build_large() -> list[Instance]:
     convex = [balls(count) for count in (400, 700, 1000, 2000, 3000)]
     return [*convex, *(rosenbrock(n) for n in (1000, 2000, 5000, 10_000))]

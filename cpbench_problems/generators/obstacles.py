@@ -10,90 +10,55 @@ from cpbench.formulations.programs import QP
 from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.generators.base import Instance, collection, snapped
 
+MAJAVA = "Majava and Tai 2004, Int. J. Numer. Anal. Model. 1:73"
+CRYER = "Cryer 1971, Math. Comp. 25:435; Moré and Toraldo 1991, SIAM J. Optim. 1:93"
+BRENNAN = "Brennan and Schwartz 1977, J. Finance 32:449; Wilmott, Dewynne, Howison 1993"
+MORE = "Moré and Toraldo 1991, SIAM J. Optim. 1:93"
+
 RADIUS = 0.6979651482233737
 """Contact radius of the radial obstacle: the root of r²(1 − log(r/2)) = 1 (Majava and Tai 2004)."""
 
 
-@collection(
-    "obstacle-radial",
-    "lcp",
-    "a membrane over a spherical obstacle, five-point Laplacian",
-    "Majava and Tai 2004, Int. J. Numer. Anal. Model. 1:73",
-)
+@collection("obstacle-radial", "lcp", "a membrane over a spherical obstacle, five-point Laplacian", MAJAVA)
 def radial_obstacles() -> list[Instance]:
     return [radial_obstacle(n) for n in (15, 25)]
 
 
-@collection(
-    "journal-bearing",
-    "lcp",
-    "pressure in a lubricated bearing, cavitation where it is zero",
-    "Cryer 1971, Math. Comp. 25:435; Moré and Toraldo 1991, SIAM J. Optim. 1:93",
-)
+@collection("journal-bearing", "lcp", "pressure in a lubricated bearing, cavitation where it is zero", CRYER)
 def journal_bearings() -> list[Instance]:
     return [journal_bearing(20, 10, 0.8), journal_bearing(30, 15, 0.1)]
 
 
-@collection(
-    "american-put",
-    "lcp",
-    "one implicit step of an American put option in log price",
-    "Brennan and Schwartz 1977, J. Finance 32:449; Wilmott, Dewynne, Howison 1993",
-)
+@collection("american-put", "lcp", "one implicit step of an American put option in log price", BRENNAN)
 def american_puts() -> list[Instance]:
     return [american_put(n) for n in (100, 400)]
 
 
-@collection(
-    "torsion",
-    "qp",
-    "elastic-plastic torsion of a square bar: |u| at most the distance to the boundary",
-    "Moré and Toraldo 1991, SIAM J. Optim. 1:93",
-)
+@collection("torsion", "qp", "elastic-plastic torsion of a square bar: |u| at most the distance to the boundary", MORE)
 def torsions() -> list[Instance]:
     return [torsion(n, c) for n, c in ((12, 5.0), (20, 10.0))]
 
 
 @collection(
-    "obstacle-radial-large",
-    "lcp",
-    "a membrane over a spherical obstacle, to 10⁵ points",
-    "Majava and Tai 2004, Int. J. Numer. Anal. Model. 1:73",
-    tier="standard",
+    "obstacle-radial-large", "lcp", "a membrane over a spherical obstacle, to 10⁵ points", MAJAVA, tier="standard"
 )
 def radial_obstacles_large() -> list[Instance]:
     return [radial_obstacle(n) for n in (45, 90, 316)]
 
 
-@collection(
-    "journal-bearing-large",
-    "lcp",
-    "pressure in a lubricated bearing, to 10⁵ points",
-    "Cryer 1971, Math. Comp. 25:435; Moré and Toraldo 1991, SIAM J. Optim. 1:93",
-    tier="standard",
-)
+@collection("journal-bearing-large", "lcp", "pressure in a lubricated bearing, to 10⁵ points", CRYER, tier="standard")
 def journal_bearings_large() -> list[Instance]:
     return [journal_bearing(m, n, e) for m, n, e in ((60, 30, 0.1), (120, 60, 0.9), (450, 225, 0.8))]
 
 
 @collection(
-    "american-put-large",
-    "lcp",
-    "one implicit step of an American put option, to 10⁵ prices",
-    "Brennan and Schwartz 1977, J. Finance 32:449; Wilmott, Dewynne, Howison 1993",
-    tier="standard",
+    "american-put-large", "lcp", "one implicit step of an American put option, to 10⁵ prices", BRENNAN, tier="standard"
 )
 def american_puts_large() -> list[Instance]:
     return [american_put(n) for n in (1000, 10_000, 100_000)]
 
 
-@collection(
-    "torsion-large",
-    "qp",
-    "elastic-plastic torsion of a square bar, to 10⁵ points",
-    "Moré and Toraldo 1991, SIAM J. Optim. 1:93",
-    tier="standard",
-)
+@collection("torsion-large", "qp", "elastic-plastic torsion of a square bar, to 10⁵ points", MORE, tier="standard")
 def torsions_large() -> list[Instance]:
     return [torsion(n, c) for n, c in ((45, 5.0), (90, 10.0), (316, 20.0))]
 
@@ -109,13 +74,7 @@ def huge() -> list[Instance]:
     return [radial_obstacle(1000), journal_bearing(1000, 1000, 0.8), american_put(1_000_000)]
 
 
-@collection(
-    "torsion-huge",
-    "qp",
-    "elastic-plastic torsion of a square bar, 10⁶ points",
-    "Moré and Toraldo 1991, SIAM J. Optim. 1:93",
-    tier="large",
-)
+@collection("torsion-huge", "qp", "elastic-plastic torsion of a square bar, 10⁶ points", MORE, tier="large")
 def torsion_huge() -> list[Instance]:
     return [torsion(1000, 10.0)]
 
