@@ -34,7 +34,6 @@ import pandas as pd
 from made_up_rows import LIMIT, as_paths, as_starts, make
 
 from cpbench.analysis import (
-    best,
     bootstrap,
     failures,
     histories,
@@ -83,7 +82,7 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "profile of memory": lambda: profiles.performance_profile(
             metrics.matrix(rows, metrics.METRICS["memory"]), floor=metrics.MEMORY_FLOOR
         ),
-        "gaps to the virtual best": lambda: best.gaps(times),
+        "gaps to the virtual best": lambda: means.gaps(times),
         "means": lambda: (means.means(times, limit=LIMIT), means.means(times, limit=LIMIT, common=leading)),
         "bootstrap of means": lambda: bootstrap.mean_time(times, 0.1, LIMIT, families=families),
         "claims": lambda: reliability.claim_counts(rows),

@@ -69,8 +69,7 @@ def diagnose_apart(
     """
     from cpbench_lab.certificates.mixed import provable
     from cpbench_lab.diagnosis.apart import Apart
-    from cpbench_lab.diagnosis.attempts import attempt
-    from cpbench_lab.diagnosis.deadline import Deadline
+    from cpbench_lab.diagnosis.attempts import Deadline, attempt
     from cpbench_lab.diagnosis.diagnose import diagnose as diagnosed
 
     deadline = Deadline.after(60.0 * minutes)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, cautions, certainty, starts
+from cpbench.analysis import cautions, certainty, means, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking_order import order
@@ -186,7 +186,7 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     cases = rows["fingerprint"].nunique()
     problems = rows["fingerprint"].map(starts.original).nunique()
     times = rows_of.times(rows)
-    gap = best.gaps(times)
+    gap = means.gaps(times)
     factors = {str(label): float(factor) for label, factor in gap["mean"].items()}
     ranked = _ranked(started, rows, times, gap, launching)
     places = {label: k for k, label in enumerate(order(rows, times, factors))}

@@ -14,8 +14,8 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import bootstrap, certainty, summary
-from cpbench.analysis.best import WITHIN
 from cpbench.analysis.bootstrap import FEW, REPLICATES
+from cpbench.analysis.means import WITHIN
 from cpbench.analysis.participation import unreached_lines
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.ranking_order import LEVEL

@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import (
-    best,
     bootstrap,
     certainty,
     failures,
@@ -322,7 +321,7 @@ def _times(rows: pd.DataFrame, order: Sequence[str], compared: ComparedTimes) ->
     common = means.means(times, shift=every.shift, limit=limit, common=leading)
     families = bootstrap.families_of(rows)
     around = bootstrap.mean_time(times, every.shift, every.charge, lost, families)
-    gap = best.gaps(times, lost=lost)
+    gap = means.gaps(times, lost=lost)
     columns: dict[str, tuple[str, pd.Series]] = {
         "p95": ("seconds", summary.quantile(times, 0.95)),
         "p99": ("seconds", summary.quantile(times, 0.99)),

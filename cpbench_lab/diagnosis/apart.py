@@ -22,8 +22,7 @@ from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget, warm_up
 from cpbench.verification import Status
-from cpbench_lab.diagnosis.attempts import Raw, named, solve_here
-from cpbench_lab.diagnosis.deadline import Deadline
+from cpbench_lab.diagnosis.attempts import Deadline, Raw, named, solve_here
 
 TEXTS, ARRAYS = ("status", "claim", "message"), ("answer", "certificate", "residuals", "iterations", "iterates")
 

@@ -10,10 +10,9 @@ from cpbench import graph, verification
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Claim, Solver, automatic_solver, missing, solvers
 from cpbench.verification import Status
-from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome, attempt
+from cpbench_lab.diagnosis.attempts import Deadline, OutOfTime, SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench_lab.diagnosis.causes import DETECTORS
-from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnosis import NOTICEABLE, Complaint, Diagnosis, Suspect, Tried, complaint_of
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from cpbench.errors import FormatError
 from cpbench.formulations.expressions.operators import Operator
 from cpbench_problems.formats.mof_functions import Affine, Functions
-from cpbench_problems.formats.nl_expressions import NLExpressions
+from cpbench_problems.formats.nl_operators import NLExpressions
 from cpbench_problems.formats.nl_source import HEADER_LINES, BinarySource, NLSource, TextSource
 
 _LEAST = (1, 3, 2, 2, 3, 2, 5, 2, 2, 5)

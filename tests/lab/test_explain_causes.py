@@ -16,10 +16,9 @@ import cpbench as cp
 from cpbench.formulations.base import formulations
 from cpbench.verification import Status
 from cpbench_lab.certificates.mixed import provable
-from cpbench_lab.diagnosis.attempts import Raw, SolverTrial, TrialOutcome, attempt
+from cpbench_lab.diagnosis.attempts import Deadline, OutOfTime, Raw, SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import FailedTrial
 from cpbench_lab.diagnosis.causes.structure import magnitude, masses
-from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.diagnosis import complaint_of
 from cpbench_lab.diagnosis.even_masses import even_masses

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from synthetic_results import row, suite, table
 
-from cpbench.analysis import best, bootstrap, means, profiles, reliability, summary
+from cpbench.analysis import bootstrap, means, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
 
 INF = math.inf
@@ -112,7 +112,7 @@ COSTS = pd.DataFrame(
 
 
 def test_gaps_by_hand() -> None:
-    found = best.gaps(COSTS)
+    found = means.gaps(COSTS)
     assert found["planned"].tolist() == [5, 5, 5]
     assert found["solved"].tolist() == [3, 3, 2]
     assert found["fastest"].tolist() == [2, 2, 1]
@@ -126,7 +126,7 @@ def test_gaps_by_hand() -> None:
 def test_marginal_is_the_best_of_the_others() -> None:
     rows = rows_of.normalised(suite(30, 9))
     times = rows_of.times(rows)
-    found = best.gaps(times)
+    found = means.gaps(times)
     whole = times.min(axis=1).clip(lower=profiles.FLOOR)
     for label in times.columns:
         without = times.drop(columns=label).min(axis=1).clip(lower=profiles.FLOOR)
@@ -136,14 +136,14 @@ def test_marginal_is_the_best_of_the_others() -> None:
 
 
 def test_little_to_compare() -> None:
-    one = best.gaps(COSTS[["a"]])
+    one = means.gaps(COSTS[["a"]])
     assert one.at["a", "alone"] == 3
     assert math.isnan(one.at["a", "marginal"])
-    nothing = best.gaps(pd.DataFrame({"a": [INF], "b": [INF]}))
+    nothing = means.gaps(pd.DataFrame({"a": [INF], "b": [INF]}))
     assert nothing[["median", "mean", "marginal"]].isna().all(axis=None)
     assert nothing[["solved", "within", "alone"]].eq(0).all(axis=None)
-    assert best.gaps(COSTS.iloc[:0])["within"].isna().all()
-    assert best.gaps(COSTS[[]]).empty
+    assert means.gaps(COSTS.iloc[:0])["within"].isna().all()
+    assert means.gaps(COSTS[[]]).empty
 
 
 def test_a_liar_is_last_in_every_statistic() -> None:
@@ -171,7 +171,7 @@ def test_a_liar_is_last_in_every_statistic() -> None:
         assert last(means.means(times, limit=limit, shift=shift).mean, least_first=True), shift
     assert math.isnan(means.means(times).mean["liar"]), "no limit: it has no mean at all"
     assert means.means(times, common=["good", "liar"], limit=limit).problems == 0
-    gap = best.gaps(times)
+    gap = means.gaps(times)
     for column in ("solved", "within"):
         assert last(gap[column].astype(float), least_first=False), column
     for column in ("median", "mean"):

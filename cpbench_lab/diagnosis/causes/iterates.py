@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cpbench.foundation.matrices import Vector
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
-from cpbench_lab.diagnosis.shifted import dominated
+from cpbench_lab.diagnosis.causes.structure import dominated
 
 SAME = 1e-6
 """Two iterates are the same if they differ by less than this share of the move between neighbours."""
