@@ -36,7 +36,10 @@ LICENSING = 7
 """Return code of GAMS for a licence that it refuses."""
 DEMO_ROWS = 1000
 """Most rows and columns of a nonlinear or complementarity model under the demo licence."""
-ADVICE = "gamspy install license CODE, with one of your own: newer packages bring no newer demo licence"
+ADVICE = (
+    "gamspy install license CODE, with one of your own: newer packages bring no newer demo licence; or run PATH by its "
+    "own licence, as 'PATH without GAMS' in docs/guides/modeller.md says"
+)
 PUBLISHING = (
     "GAMS' licence: benchmarks may be published with the methodology documented, unless COPT, CPLEX, Gurobi, Knitro, "
     "LINDO or Xpress take part, which needs written consent"
