@@ -40,6 +40,7 @@ _CVXOPT = {"feastol": 1e-7, "abstol": 1e-7, "reltol": 1e-6}
 _GAP = {"eps_duality_gap_abs": math.inf, "eps_duality_gap_rel": math.inf}
 _DAQP = {"primal_tol": 1e-6, "dual_tol": 1e-12}
 _CLARABEL = "residuals over max(1, norms of data and iterates), gap"
+_MOREAU = "violation of the rows, absolute; of more than 500 unknowns or rows as moreau-ipm"
 _ACTIVE_SET = "violation of the rows, absolute; stationarity holds to rounding"
 
 
@@ -57,7 +58,7 @@ TESTS: Mapping[str, Stopping] = {
     "highs": _of(
         "feasibility, absolute", REGULARIZED, primal_feasibility_tolerance=1e-7, dual_feasibility_tolerance=1e-7
     ),
-    "moreau": _of(f"{_ACTIVE_SET}; of more than 500 unknowns as moreau-ipm", ABSOLUTE, **_DAQP, **_EIGHT, **_PROOFS),
+    "moreau": _of(_MOREAU, ABSOLUTE, **_DAQP, **_EIGHT, **_PROOFS),
     "moreau-ipm": _of(_CLARABEL, ABSOLUTE, **_EIGHT, **_PROOFS),
     "osqp": _of(
         "residuals and gap in the ∞-norm, absolute + relative",
@@ -152,7 +153,8 @@ def _moreau_ipm(budget: Budget) -> Settings:
 
 
 def _moreau(budget: Budget) -> Settings:
-    """Return those, and DAQP's for its active set, which the package takes by itself up to 500 unknowns."""
+    """Return those, and DAQP's for its active set, which the package takes by itself up to 500 unknowns and rows (twice
+    as many rows as unknowns), and which has no time limit."""
     own = {"primal_tol": 0.1 * budget.tolerance, "dual_tol": 1e-12, "solver": "auto"}
     return _moreau_ipm(budget) | own | _limits(budget, "iter_limit", 10_000)
 
