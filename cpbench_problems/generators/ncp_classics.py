@@ -52,13 +52,16 @@ def points(*vectors: Sequence[float]) -> tuple[NCPPoint, ...]:
     return tuple(NCPPoint(z=np.array(v, dtype=float)) for v in vectors)
 
 
-def kojima_shindo_map() -> Map:
+def kojima_shindo_map(c2: float = 10.0, constant: float = 9.0, d3: float = 9.0) -> Map:
+    """Return Kojima's four quadratics, or those with another coefficient of c in the second row and other ones of d and
+    1 in the third."""
+
     def F(z: list[Symbol]) -> list[Symbol]:
         a, b, c, d = z
         return [
             3.0 * a**2 + 2.0 * a * b + 2.0 * b**2 + c + 3.0 * d - 6.0,
-            2.0 * a**2 + a + b**2 + 10.0 * c + 2.0 * d - 2.0,
-            3.0 * a**2 + a * b + 2.0 * b**2 + 2.0 * c + 9.0 * d - 9.0,
+            2.0 * a**2 + a + b**2 + c2 * c + 2.0 * d - 2.0,
+            3.0 * a**2 + a * b + 2.0 * b**2 + 2.0 * c + d3 * d - constant,
             a**2 + 3.0 * b**2 + 2.0 * c + 3.0 * d - 3.0,
         ]
 
@@ -78,17 +81,8 @@ def kojima_shindo() -> Instance:
 
 def josephy() -> Instance:
     """Build Kojima's four quadratics with other second and third rows: F(z) = (0, 2 + √6/2, 5, 0) at the solution."""
-
-    def F(z: list[Symbol]) -> list[Symbol]:
-        a, b, c, d = z
-        return [
-            3.0 * a**2 + 2.0 * a * b + 2.0 * b**2 + c + 3.0 * d - 6.0,
-            2.0 * a**2 + a + b**2 + 3.0 * c + 2.0 * d - 2.0,
-            3.0 * a**2 + a * b + 2.0 * b**2 + 2.0 * c + 3.0 * d - 1.0,
-            a**2 + 3.0 * b**2 + 2.0 * c + 3.0 * d - 3.0,
-        ]
-
-    problem = NCP(F=formula_map(4, F), start=MCPLIB_STARTS[0], name="josephy")
+    F = kojima_shindo_map(c2=3.0, constant=1.0, d3=3.0)
+    problem = NCP(F=F, start=MCPLIB_STARTS[0], name="josephy")
     facts = {"class": "regular", "degenerate": False}
     return Instance(problem, NCPPoint(z=DEGENERATE), "published", None, facts, points(*MCPLIB_STARTS))
 

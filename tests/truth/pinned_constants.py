@@ -26,7 +26,7 @@ PINNED = {
     "contacts.OWN": f"{CONSTANTS}test_a_contact_counts_by_a_tenth_of_its_own_free_velocity",
     "contacts.SMALL": f"{CONSTANTS}test_a_contact_counts_by_its_own_free_velocity_from_1e4_of_the_largest",
     "linear.BALANCED": f"{CONSTANTS}test_an_idle_constant_counts_from_a_tenth",
-    "alike_rows.ALIKE": "tests/unit/test_alike_rows.py::test_rows_that_differ_by_more_are_not_alike",
+    "rows.ALIKE": "tests/unit/test_alike_rows.py::test_rows_that_differ_by_more_are_not_alike",
     "rows.ILL_POSED": "tests/unit/test_alike_rows.py::test_two_digits_of_a_difference_must_be_known",
     "linear.OWN": f"{CONSTANTS}test_a_bound_counts_by_a_tenth_of_its_own_terms",
     "linear.SMALL": f"{CONSTANTS}test_a_bound_counts_by_its_own_terms_from_1e5_of_the_largest",
@@ -43,7 +43,7 @@ PINNED = {
 """Constants that decide, and the test of each."""
 EFFORT = {
     "certificates.SECONDS": PROVED,
-    "alike_rows.BESIDE": "tests/unit/test_alike_rows.py::test_rows_that_differ_by_more_are_not_alike",
+    "rows.BESIDE": "tests/unit/test_alike_rows.py::test_rows_that_differ_by_more_are_not_alike",
     "equilibration.ENOUGH": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.GUESSED": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.LARGEST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",

@@ -10,7 +10,7 @@ import pytest
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.verification import judge
-from cpbench.verification.alike_rows import AlikeRows
+from cpbench.verification.rows import AlikeRows
 
 
 def beside_its_twin(rng: np.random.Generator, digits: int, kind: str) -> tuple[QP, QPPoint, QPPoint]:
