@@ -195,9 +195,10 @@ class ADMMMember(MethodMember):
 
 
 class GradientMember(MethodMember):
-    """Accelerated projected gradients: where contacts are hyperstatic, and no Newton step is to be trusted."""
+    """Accelerated projected gradients: where contacts are hyperstatic, and no Newton step is to be trusted. Their error
+    may stand still for a thousand iterations before it falls."""
 
-    unit, counter, expected, first = "projected gradients", "gradient_steps", 600, PROBE
+    unit, counter, expected, first, patience = "projected gradients", "gradient_steps", 600, PROBE, 1.0
     method, options, work = AcceleratedGradients, APGDContactOptions, policy.gradient_work
 
 
