@@ -133,8 +133,8 @@ class AugmentedLagrangian(Solver):
             error = measure.see(done, form.parts(x, y))
             if error <= budget.tolerance:
                 return measure.conclude(budget, counters)
-            if done >= limit or time.monotonic() > deadline:
-                message = f"error {measure.least:.1e} after {done} iterations"
+            if done >= limit or time.monotonic() + kkt.seconds > deadline:
+                message = f"error {measure.least:.1e} after {done} iterations of about {kkt.seconds:.1g} s"
                 return measure.conclude(budget, counters, Claim.MAX_ITER, message)
             trouble = progress.trouble(done, error)
             if trouble is not None:

@@ -29,7 +29,7 @@ from cpbench_solvers.qp.presolve import dense_problem, presolved, sparse_data
 from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call, record_ends
 from cpbench_solvers.stacks import solve_qp
 
-WHOLE = 0.9
+WHOLE = 0.5
 """Of unknowns and rows: a part with more of them is solved with the others, which make it no slower."""
 STEPS = 5
 """Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""

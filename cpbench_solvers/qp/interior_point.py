@@ -55,7 +55,7 @@ class QPInteriorPointOptions:
 class Path:
     """The iterates on one problem: x, and y of (x, Gx), the multipliers of lower sides less those of upper ones.
 
-    chunk : iterations between looks at the clock.
+    chunk : iterations between looks at the clock. seconds : that one takes, about.
     """
 
     def __init__(self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions) -> None:
@@ -63,7 +63,7 @@ class Path:
         self._kernel = qp_interior
         self._options = options
         kkt = KKT(H, G, options.regularization, (scales.lower == scales.upper)[n:])
-        self.chunk = max(int(min(CHUNK, OPERATIONS / max(kkt.operations, 1.0))), 1)
+        self.chunk, self.seconds = max(int(min(CHUNK, OPERATIONS / max(kkt.operations, 1.0))), 1), kkt.seconds
         self.x, self.y = np.zeros(n), np.zeros(N)
         sides, work = np.zeros((2, 2 * N)), np.zeros(21 * N)
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
@@ -162,11 +162,12 @@ class _Run:
         self._measure, self._record = measure, record
         self._deadline = time.monotonic() + budget.seconds
         self._limit, self._done, self._factorizations = budget.iterations or options.max_iterations, 0, 0
+        self._next = 0.0
 
     @property
     def over(self) -> bool:
-        """Whether iterations or time are spent."""
-        return self._done >= self._limit or time.monotonic() > self._deadline
+        """Whether iterations are spent, or the next one would end too late."""
+        return self._done >= self._limit or time.monotonic() + self._next > self._deadline
 
     def ended(self, output: SolverOutput) -> bool:
         """Return whether nothing is left to find, or to find it with."""
@@ -187,8 +188,8 @@ class _Run:
         path, progress, measure = Path(scales, H, G, self._options), Progress(STALL), self._measure
         stops, polished, tolerance, earlier = path.stops, False, self._budget.tolerance, self._done
         aim, previous = tolerance, math.inf
-        before = path.x.copy(), path.y.copy()
-        outcome = stops.LIMIT if path.begin() else stops.BROKEN
+        before, self._next = (path.x.copy(), path.y.copy()), path.seconds
+        outcome = stops.LIMIT if self.over or path.begin() else stops.BROKEN
         while True:
             self._done = earlier + path.done
             counters = {"iterations": self._done, "factorizations": self._factorizations + path.done + 1}
@@ -206,7 +207,8 @@ class _Run:
                 message = f"the linear system broke down at error {measure.least:.1e} after {self._done} iterations"
                 ended = Claim.FAILED, message
             elif last:
-                ended = Claim.MAX_ITER, f"error {measure.least:.1e} after {self._done} iterations"
+                message = f"error {measure.least:.1e} after {self._done} iterations of about {path.seconds:.1g} s"
+                ended = Claim.MAX_ITER, message
             elif outcome == stops.STALLED:
                 ended = Claim.FAILED, f"stalled at {measure.least:.1e} after {self._done} iterations"
             elif outcome == stops.NEAR and (trouble := progress.trouble(path.done, error)) is not None:

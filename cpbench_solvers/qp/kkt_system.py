@@ -20,9 +20,13 @@ Entries: TypeAlias = tuple[NDArray[np.int32], NDArray[np.int32], Vector]
 """Row pointers, columns and numbers of a sparse matrix."""
 LEAST_TAIL, MOST_TAIL = 80, 6000
 """Rows that are worth a dense rest, and those that fit into memory."""
+RATE = 2e9
+"""Operations a second of large factorizations, whose time is known before they begin."""
 BLAS = 8.0
 """So many operations of dense matrices take the time of one of a sparse factor."""
-"""Kernels that a warm-up has to load: a small problem needs only the last."""
+EVEN = 40.0
+"""Operations for every entry up to which diagonal unknowns are eliminated first, and no order is sought: that takes the
+time of more of them."""
 FULL = 0.25
 """With this share of entries that are not 0 the system is dense without further thought."""
 
@@ -42,7 +46,7 @@ class KKT:
 
     equal : rows that have θ = 0, or nearly so, in every system, none by default. Dense where that takes less time; full
     rows of H and G have all their zeros then.
-    operations : of one factorization, counted as those of a sparse factor.
+    operations : of one factorization, counted as those of a sparse factor. seconds : that it takes, about.
     """
 
     def __init__(self, H: Entries, G: Entries, delta: float, equal: NDArray[np.bool_] | None = None) -> None:
@@ -70,6 +74,10 @@ class KKT:
         self.H, self.G = self._kernel.filled(H, n), self._kernel.filled(G, n)
         self.system = (*self._dense(m, k), *last)
 
+    @property
+    def seconds(self) -> float:
+        return self.operations / RATE
+
     def _dense(self, m: int, k: int) -> tuple[Any, ...]:
         none, index, nothing = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32), np.empty(0)
         A = np.zeros((self.n, m))
@@ -87,7 +95,11 @@ class KKT:
         work, indptr, indices = np.empty(N, dtype=np.int64), np.empty(N + 1, dtype=np.int32), np.empty(size, np.int32)
         ldl.adjacency(H, G, work, indptr, indices)
         order, position = np.empty((2, N), dtype=np.int64)
-        minimum_degree.minimum_degree(indptr, indices[: indptr[-1]], order)
+        rows, columns = np.repeat(np.arange(self.n), np.diff(H[0])), np.bincount(G[1], minlength=self.n)
+        if (H[1] == rows).all() and columns @ columns + self._r**3 / (3.0 * BLAS) <= EVEN * size:
+            order[:] = np.arange(N)
+        else:
+            minimum_degree.minimum_degree(indptr, indices[: indptr[-1]], order)
         position[order] = np.arange(N)
         indptr, indices = np.empty(N + 1, dtype=np.int32), np.empty(H[2].size + G[2].size, dtype=np.int32)
         data, diagonal = np.empty(indices.size), np.empty(N)

@@ -37,7 +37,7 @@ def polish(problem: QP, answer: Parts, measure: ErrorMeasure, number: int, toler
     lower, upper, equal = form.lower, form.upper, form.lower == form.upper
     before, last, error = None, math.inf, math.inf
     for done in range(ROUNDS):
-        if time.monotonic() > deadline:
+        if time.monotonic() + kkt.seconds > deadline:
             return done
         s = np.concatenate([x, form.G @ x])
         below, above = equal | (y > s - lower), ~equal & (-y > upper - s)
