@@ -57,6 +57,8 @@ class Reformulation:
 
 DENSE_LIMIT = 150
 """Up to this size Jacobians are dense: SuperLU costs more."""
+FULL = 0.1
+"""Share of nonzeros from which larger ones are dense, too: their factors fill up."""
 FAR_ENOUGH = 1e-10
 """An iterate of this error that gains nothing any more is as good as rounding allows: no other start is tried."""
 WINDOW = 30
@@ -96,13 +98,13 @@ class CountedBox:
             return self.problem.F(z)
 
     def jacobian(self, z: Vector) -> Matrix | None:
-        """Return it dense for a small problem; None where an entry is not a number."""
+        """Return it dense for a small problem or a full one; None where an entry is not a number."""
         self.counters["jacobians"] += 1
         with np.errstate(all="ignore"):
             J: Sparse = self.problem.F.jacobian(z)
         if not np.isfinite(J.data).all():
             return None
-        return dense(J) if self.n <= DENSE_LIMIT else J
+        return dense(J) if self.n <= DENSE_LIMIT or J.nnz >= FULL * self.n**2 else J
 
     def project(self, z: Vector) -> Vector:
         return project_box(z, self.lb, self.ub)
