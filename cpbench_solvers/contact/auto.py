@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -83,11 +84,17 @@ class AutoContact(SolverByParts):
         sweeps, deadline = AcceleratedSweeps(part.prepared.rows), budget.deadline()
         sweeps.sweep(min(options.sweeps, budget.iterations or options.max_iterations), budget.tolerance)
         if sweeps.error <= budget.tolerance - APART:
-            r, enough = sweeps.best, SURE * budget.tolerance
-            if part.error(r) <= enough and not part.hidden(r, enough):
-                return solved(FCPoint(r), counters(sweeps.done))
+            point, enough = FCPoint(sweeps.best), SURE * budget.tolerance
+            output, error = solved(point, counters(sweeps.done)), part.error(point.r)
+            if error <= enough and not part.hidden(point.r, enough):
+                return output
+        else:
+            output, error = None, math.inf
         problem = part.problem
         if not (problem.mu > STEEP).any():
+            if output is not None:
+                del sweeps  # others take the same memory, which is faster than new
+                return self._within(part, output, error, budget.left(deadline), options, None)
             return super()._solved(part, budget, options, sweeps, None)
         # what sticks under less friction does so under more, and μ times the rounding of a velocity is not a velocity
         less = replace(problem, mu=np.minimum(problem.mu, STEEP))

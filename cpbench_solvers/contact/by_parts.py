@@ -121,7 +121,14 @@ class SolverByParts(PartSolver):
         output = self.solve_part(part.prepared, budget, options, start, record)
         if output.point is None or output.claim is not Claim.SOLVED:
             return output
-        error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
+        left = budget.left(deadline)
+        return self._within(part, output, part.error(output.point.r), left, options, record)
+
+    def _within(
+        self, part: ContactPart, output: SolverOutput, error: float, budget: Budget, options: Any, record: Record | None
+    ) -> SolverOutput:
+        """Go on from an answer to the part that passes the norms, and has that error."""
+        deadline, asked, enough = budget.deadline(), budget.tolerance, SURE * budget.tolerance
         while not error <= enough and asked > EPS:
             asked = reduced(asked, error, enough)
             left = replace(budget.left(deadline), tolerance=asked)
