@@ -13,7 +13,6 @@ consecutive. In the plane D = [1, −1] is the interval itself, so that nothing 
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -48,9 +47,9 @@ class PolygonEdge(Conversion):
     target: ClassVar[str] = "lcp"
 
     @property
-    @abstractmethod
     def vertices(self) -> Dense:
-        """D, shape (k, ν): k = 1 in the plane, else 2."""
+        """D, shape (k, ν): in the plane k = 1 and D = [1, −1], else k = 2."""
+        return INTERVAL
 
     def apply(self, problem: LocalContact) -> tuple[LCP, Trace]:
         self.require(problem)

@@ -9,7 +9,7 @@ import numpy as np
 from cpbench.conversions import facets as polygon
 from cpbench.conversions.base import Conversion, Size, edge
 from cpbench.conversions.congruence import Congruence
-from cpbench.conversions.facets import INTERVAL, FacetKnobs, InscribedEdge, PolygonEdge
+from cpbench.conversions.facets import FacetKnobs, InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.linear import LCP, MLCP, LCPPoint, MLCPPoint
@@ -31,11 +31,6 @@ class FCtoLCP2D(PolygonEdge):
 
     Trace: `W`, `q`, `mu`, for the multipliers of `push`.
     """
-
-    @property
-    def vertices(self) -> Dense:
-        """[1, −1]."""
-        return INTERVAL
 
     def obstacle(self, problem: FrictionContact) -> str | None:
         if problem.dimension == 2:

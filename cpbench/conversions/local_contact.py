@@ -13,7 +13,7 @@ from cpbench.conversions import facets as polygon
 from cpbench.conversions.base import Conversion, SameUnknowns, Size, edge
 from cpbench.conversions.contact_laws import Frozen, FrozenConeQP, InUnits, OverCones, ToConeQP, Units
 from cpbench.conversions.elimination import Elimination
-from cpbench.conversions.facets import INTERVAL, InscribedEdge, PolygonEdge
+from cpbench.conversions.facets import InscribedEdge, PolygonEdge
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.conic import SOCLCP, ConeQP, cone_fields
 from cpbench.formulations.contact import FCPoint
@@ -339,11 +339,6 @@ class RFCtoLCP2D(PolygonEdge):
 
     Trace: `W`, `q`, `mu`, `mu_r`, for the multipliers of `push`.
     """
-
-    @property
-    def vertices(self) -> Dense:
-        """[1, −1]."""
-        return INTERVAL
 
     def obstacle(self, problem: RollingFrictionContact) -> str | None:
         if problem.dimension == 3:
