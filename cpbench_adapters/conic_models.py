@@ -186,7 +186,7 @@ STALLS = 1e-9
 
 
 class QocoModel(ConicModel):
-    """It has one tolerance for residuals and gap, which gets what the gap of Clarabel gets, down to `STALLS`."""
+    """QOCO. Its one tolerance, for residuals and gap, is that of the gap of Clarabel, down to `STALLS`."""
 
     backend = "qoco"
     claims = {

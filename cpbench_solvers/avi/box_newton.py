@@ -18,7 +18,7 @@ from cpbench_solvers.qp.scaling import congruent, equilibrate
 from cpbench_solvers.traits import ITERATIVE
 
 
-class ScaledBox(NamedTuple):
+class AffineBox(NamedTuple):
     """Data in units in which the largest entries of M, and of w and z in a solution, are about 1; z is `unit` times
     that of the data."""
 
@@ -41,7 +41,7 @@ class _NewtonOnBox(Solver):
             return f"has {rows} rows beside its bounds, whose set has no projection in closed form: use lemke-avi"
         return None
 
-    def setup(self, problem: Relay | AVI, budget: Budget, options: SemismoothOptions) -> ScaledBox:
+    def setup(self, problem: Relay | AVI, budget: Budget, options: SemismoothOptions) -> AffineBox:
         n = problem.q.size
         M = dense(problem.M) if n <= DENSE_LIMIT else problem.M
         d = equilibrate(M, np.arange(n))
@@ -51,11 +51,11 @@ class _NewtonOnBox(Solver):
         # bounds much nearer than the z that balances q are the better unit, as in `Relay.z_unit`
         width = max_abs(((problem.ub - problem.lb) / d)[problem.moving])
         size = min(forces, width) if width > 0 else forces
-        return ScaledBox(problem, congruent(M, d) * (size / forces), weighed / forces, size * d)
+        return AffineBox(problem, congruent(M, d) * (size / forces), weighed / forces, size * d)
 
     def solve(
         self,
-        prepared: ScaledBox,
+        prepared: AffineBox,
         budget: Budget,
         options: SemismoothOptions,
         start: Any = None,
