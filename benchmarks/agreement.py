@@ -28,7 +28,6 @@ from cpbench.verification import judge
 from cpbench_lab.published import all_measures
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "truth"))
-import kept_answers
 import real_files
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
@@ -75,9 +74,14 @@ def collected(cache: Path, folders: list[str], seconds: float, budget: float) ->
     for name, problem in problems(folders):
         file = cache / f"{problem.node}-{name.replace('/', '_')}.npz"
         if not file.exists() and time.perf_counter() - start < budget:
-            kept_answers.write(file, list(answers(problem, seconds)), None)
+            given = list(answers(problem, seconds))
+            with file.open("wb") as out:  # a name that NumPy leaves as it is
+                labels = np.array([label for label, _ in given], dtype=str)
+                np.savez(out, labels=labels, answers=np.array([point.vector for _, point in given]))
         if file.exists():
-            yield name, problem, kept_answers.read(file, problem)[0]
+            with np.load(file) as kept:
+                points = [problem.point_from_vector(x) for x in kept["answers"]]
+                yield name, problem, list(zip(map(str, kept["labels"]), points, strict=True))
 
 
 def main() -> None:

@@ -1,11 +1,11 @@
 """How many verified answers are proved or enclosed, by formulation, with times and what stops the others.
 
     python benchmarks/certified.py [builtin | FILE | FOLDER ...] [--nodes lcp,mlcp,...] [--largest 500]
-        [--contacts 100] [--seconds 20] [--proof 60] [--check] [--save problems/proofs.toml]
+        [--contacts 100] [--seconds 60] [--check] [--save problems/proofs.toml]
 
-Every problem is solved in this process, by the automatic choice and, where its answer is not proved, by one solver of
-each other method of its formulation (`cpbench_lab.certifying.verified_answers`); only answers that the verdict accepts
-are counted. Times are of the proof, of this processor [s]. With --check, every certificate is proved again by the
+Every problem is solved in this process, as `cpbench certify` does: by the automatic choice and, where its answer is not
+proved, by other solvers of its formulation (`cpbench_lab.certifying.certify_first`). Times are of the solves and the
+proof together, of this processor [s]. With --check, every certificate is proved again by the
 program without cpbench. With --save, what is proved is written by fingerprint into the file that the catalogue of the
 collection reads; what is there of other problems is kept.
 """
@@ -24,15 +24,14 @@ from typing import Any
 
 import numpy as np
 
-import cpbench
+import cpbench_lab
 from cpbench import storage
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
-from cpbench.proofs import prove
-from cpbench_lab.certifying import save_certificate, verified_answers
+from cpbench_lab.certifying import certify_first, save_certificate
 
 NODES = "lcp,mlcp,relay,avi,qp,fc,fcm,gfc,ncp,micp,equation"
-CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
 
 
 def main() -> None:
@@ -42,8 +41,7 @@ def main() -> None:
     parser.add_argument("--nodes", default=NODES)
     parser.add_argument("--largest", type=int, default=500, help="unknowns of other problems than contact")
     parser.add_argument("--contacts", type=int, default=100)
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--proof", type=float, default=60.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--save", type=Path)
     asked = parser.parse_args()
@@ -57,22 +55,15 @@ def main() -> None:
         many = problem.nc > asked.contacts if hasattr(problem, "nc") else unknowns(problem) > asked.largest
         if problem.node not in asked.nodes.split(",") or many:
             continue
-        certificate, seconds, solver, count = None, 0.0, "", 0
-        for solution in verified_answers(problem, asked.seconds):
-            began = time.process_time()
-            outcome = cpbench.certify(problem, solution, seconds=asked.proof)
-            spent, count = time.process_time() - began, count + 1
-            if certificate is None or outcome:
-                certificate, seconds, solver = outcome, spent, solution.solver
-            if outcome:
-                break
-        if certificate is None:
-            kind = next((k for k in ("infeasible", "unbounded") if prove(problem, k).proof is not None), "")
-            proofs |= {problem.fingerprint: f"{kind}, proved"} if kind else {}
-            print(f"{address}: no verified answer{f', proved to be {kind}' if kind else ''}", flush=True)
+        began = time.process_time()
+        try:
+            answer, certificate = certify_first(problem, asked.seconds)
+        except CpbenchError as error:
+            print(f"{address}: {error}", flush=True)
             continue
+        seconds = time.process_time() - began
         if certificate:
-            proofs[problem.fingerprint] = certificate.level
+            proofs[problem.fingerprint] = certificate.level if answer is not None else f"{certificate.level}, proved"
         if asked.save:
             save(proofs, asked.save)  # now: the rest may be interrupted
         level = certificate.level
@@ -82,8 +73,8 @@ def main() -> None:
         if hasattr(problem, "nc"):
             kind += " 2D" if problem.dimension == 2 else " 3D" if problem.mu.any() else " frictionless"
         rows[kind].append((level, seconds, certificate.reason))
-        told = certificate.reason or f"within {certificate.distance:.2g} {certificate.unique}"
-        print(f"{address} ({kind}): {level}, {seconds:.2f} s, answer {count} by {solver}, {told}", flush=True)
+        told = certificate.reason or ("" if answer is None else f"within {certificate.distance:.2g}")
+        print(f"{address} ({kind}): {level}, {seconds:.2f} s, {told} {certificate.unique}".rstrip(" ,"), flush=True)
     table(rows)
     if asked.save:
         save(proofs, asked.save)

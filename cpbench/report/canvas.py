@@ -53,6 +53,8 @@ STYLE: Any = {
     "legend.borderaxespad": 0.3,
     "legend.labelspacing": 0.35,
 }
+PLATE: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+"""Behind a word that stands on lines."""
 SUFFIXES = (".svg", ".png", ".pdf")
 NARROW = 4.5
 """Width below which a figure is for one column: legend inside, no guide [in]."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -50,6 +51,21 @@ def test_each_script_that_measures_is_named_with_its_question() -> None:
     page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`(\w+\.py)`", page))
     assert named == {path.name for path in (ROOT / "benchmarks").glob("*.py")}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda path: path.stem)
+def test_each_script_that_measures_begins(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What they import is there: no other test runs them."""
+    monkeypatch.setattr(sys, "path", [str(path.parent), *sys.path])
+    runpy.run_path(str(path), run_name="benchmark")
+
+
+def test_modules_that_pages_name_exist() -> None:
+    named = {
+        module for page in PAGES for module in re.findall(r"`(\w+/[a-z_/]+\.py)`", page.read_text(encoding="utf-8"))
+    }
+    assert named
+    assert not [module for module in sorted(named) if not (ROOT / module).exists()]
 
 
 def test_the_readme_is_a_page_and_no_book() -> None:
