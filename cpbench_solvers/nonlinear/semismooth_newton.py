@@ -47,6 +47,9 @@ class SemismoothNewton(BoxNewton):
 
 
 class SemismoothMethod(StepwiseDescent):
+    """Steps for one NCP function, else for that of the merit; where the first gains nothing it is left out, each time
+    for twice as many steps, so that it costs few factorizations where it never does."""
+
     strategies = 2
 
     def __init__(self, box: CountedBox, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
@@ -56,13 +59,19 @@ class SemismoothMethod(StepwiseDescent):
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
         """Begin; the other strategy leaves the bounds where `project` stays within them, and the other way round."""
         self.descent.project = self._project != bool(strategy)
+        self._waiting, self._pause = 0, 1
         super().begin(z, F, strategy)
 
     def next(self, J: Matrix, gradient: Vector) -> MeritPoint | None:
-        at, descent = self.at, self.descent
-        equation = at if self._same else MeritPoint(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
-        result = self._along(at, descent.newton(equation, J), gradient)
-        if result is None and not self._same:  # the other function's direction, cheaper than a regularized one
+        at, descent, result = self.at, self.descent, None
+        if self._waiting > 0:
+            self._waiting -= 1
+        elif not self._same:
+            equation = MeritPoint(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
+            result = self._along(at, descent.newton(equation, J), gradient)
+            if result is None:
+                self._waiting, self._pause = self._pause, 2 * self._pause
+        if result is None:  # the merit's own direction, cheaper than a regularized one
             result = self._along(at, descent.newton(at, J), gradient)
         if result is None:
             self.box.counters["regularized"] = self.box.counters.get("regularized", 0) + 1
