@@ -35,9 +35,9 @@ NEARER = 0.1
 FINER = 0.1
 """Share of the tolerance that is asked for on a problem of another formulation, whose measure is another one."""
 FIRST_TURN = {
-    **dict.fromkeys(("semismooth Newton", "Newton with pivoting", "Josephy-Newton"), 50),
+    **dict.fromkeys(("semismooth Newton", "Newton with pivoting"), 50),
     **dict.fromkeys(("projection", "operator splitting"), 1_000),
-    **{"splitting": 2_000, "enumeration": 4_000},
+    **{"Josephy-Newton": 10, "splitting": 2_000, "enumeration": 4_000},
 }
 """Iterations in the first turn by kind of method, about equal in work, enough for most. Others end by themselves."""
 
