@@ -87,7 +87,8 @@ LIBRARIES = "import scipy.sparse.linalg, cpbench_solvers.kernels.tableau"
 )
 def test_a_first_solve_costs_at_most_twice_what_its_libraries_take_to_load(problem: str) -> None:
     code = f"import cpbench; assert cpbench.solve(cpbench.load('builtin/{problem}'))"
-    pairs = [(_processor_seconds(code), _processor_seconds(LIBRARIES)) for _ in range(2)]
+    # the first one of a checkout writes the bytecode, and others run beside the rest
+    pairs = [(_processor_seconds(code), _processor_seconds(LIBRARIES)) for _ in range(4)]
     assert min(solve for solve, _ in pairs) <= 2 * min(libraries for _, libraries in pairs)
 
 
