@@ -234,7 +234,10 @@ def test_the_others_are_as_in_a_run_without_faults(run: Run, module_bench) -> No
         with Store(module_bench.folder / output) as other:
             expected_table, expected = other.table(), dict(other.answers())
         mixed = table[table.solver.isin(HEALTHY)]
-        pd.testing.assert_frame_equal(mixed[SAME].reset_index(drop=True), expected_table[SAME], check_dtype=False)
+        both = [rows[SAME].reset_index(drop=True) for rows in (mixed, expected_table)]
+        for rows in both:  # of a first solve that was interrupted: its time, not the solver, makes this flag
+            rows["flags"] = [",".join(set(flags.split(",")) - {"remembered"}) for flags in rows["flags"]]
+        pd.testing.assert_frame_equal(*both, check_dtype=False)
         answers = dict(store.answers())
         assert {key: answers[key] for key in expected} == expected
 
