@@ -24,11 +24,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.foundation.factorization import DENSE_LIMIT, sparse_lu
+from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both, with_diagonal
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
-from cpbench_solvers.contact.newton_equation import DENSE_FROM
+from cpbench_solvers.contact.newton_equation import factored_sparse
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts
 from cpbench_solvers.kernels import contact_interior
@@ -153,8 +153,7 @@ class _SparseMatrix:
 
 
 def _matrix(W: Matrix, nc: int, d: int) -> _DenseMatrix | _SparseMatrix:
-    n = W.shape[0]
-    if sp.issparse(W) and n > DENSE_LIMIT and W.nnz <= DENSE_FROM * n * n:
+    if factored_sparse(W):
         return _SparseMatrix.of(W, nc, d)
     return _DenseMatrix(np.ascontiguousarray(dense(W)))
 

@@ -12,13 +12,18 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.factorization import DENSE_LIMIT, sparse_lu
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, norm
 from cpbench_solvers.contact.sweeps import ScaledContacts
 from cpbench_solvers.kernels import contact_newton
 
 DENSE_FROM = 0.25
 """Share of entries from which a sparse W is factorized as a dense one."""
+
+
+def factored_sparse(W: Matrix) -> bool:
+    """Return whether factors of W are sparse: not of a small one, nor of a full one."""
+    return sp.issparse(W) and W.shape[0] > DENSE_LIMIT and W.nnz <= DENSE_FROM * W.shape[0] ** 2
 
 
 class ContactFunction(IntEnum):

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.foundation.factorization import DENSE_LIMIT
-from cpbench.foundation.matrices import Matrix
-from cpbench_solvers.contact.newton_equation import DENSE_FROM
+from cpbench_solvers.contact.newton_equation import factored_sparse
 from cpbench_solvers.contact.sweeps import BlockRows
 from cpbench_solvers.kernels import minimum_degree, qp_ldl
 
@@ -107,7 +105,7 @@ def gradient_work(rows: BlockRows, entries: int) -> float:
 def step_work(rows: BlockRows, entries: int) -> float:
     """Return nanoseconds of a Newton step."""
     n = rows.problem.q.size
-    if _sparse(rows.problem.W):
+    if factored_sparse(rows.problem.W):
         return _factor_work(n, entries, MOVING)
     return STEP + PER_ROW * n + (PER_SQUARE + PER_CUBE * n) * n * n
 
@@ -115,11 +113,9 @@ def step_work(rows: BlockRows, entries: int) -> float:
 def point_work(rows: BlockRows, entries: int) -> float:
     """Return nanoseconds of a step of interior points."""
     n = rows.problem.q.size
-    return (
-        _factor_work(n, entries, 1.0)
-        if _sparse(rows.problem.W)
-        else POINT + (PER_POINT_ROW + PER_POINT_CUBE * n * n) * n
-    )
+    if factored_sparse(rows.problem.W):
+        return _factor_work(n, entries, 1.0)
+    return POINT + (PER_POINT_ROW + PER_POINT_CUBE * n * n) * n
 
 
 def iteration_work(rows: BlockRows, entries: int) -> float:
@@ -131,20 +127,16 @@ def _factor_work(n: int, entries: int, share: float) -> float:
     return FACTOR + PER_FACTOR_ROW * n + share * entries * (PER_ENTRY + PER_FILL * entries / n)
 
 
-def _sparse(W: Matrix) -> bool:
-    return sp.issparse(W) and W.shape[0] > DENSE_LIMIT and W.nnz <= DENSE_FROM * W.shape[0] ** 2
-
-
 def likely_entries(rows: BlockRows) -> int:
     """Return the entries of the factors of W before they are counted."""
     W: Any = rows.problem.W
-    return FILL * W.nnz if _sparse(W) else W.shape[0] ** 2
+    return FILL * W.nnz if factored_sparse(W) else W.shape[0] ** 2
 
 
 def factor_entries(rows: BlockRows) -> int:
     """Return the entries of the factors of W, of a sparse one in an order of least degree, by its graph of contacts."""
     nc, d = rows.problem.nc, rows.problem.dimension
-    if not _sparse(rows.problem.W):
+    if not factored_sparse(rows.problem.W):
         return likely_entries(rows)
     graph: Any = sp.csr_array((np.ones(rows.column.size), rows.column, rows.start.astype(np.int64)), shape=(nc, nc))
     graph = sp.csr_array(graph + graph.T)

@@ -177,8 +177,9 @@ def _regularized(box: CountedBox, at: MeritPoint, J: Matrix) -> Iterator[Vector 
     """Return Newton's direction for F′ with a shifted diagonal, then Levenberg–Marquardt's, whose systems have twice
     as many unknowns."""
     yield box.solve(_generalized(at.alpha, at.beta, shifted(J, SHIFT)), -at.phi)
+    V = _generalized(at.alpha, at.beta, J)
     for share in SHARES:
-        yield damped(box, _generalized(at.alpha, at.beta, J), at.phi, share)
+        yield damped(box, V, at.phi, share)
 
 
 def fall_back_afresh(descent: Descent, z: Vector, F: Vector, J: Matrix) -> MeritPoint | None:

@@ -44,7 +44,7 @@ class ServerProcess:
 
     @property
     def running(self) -> bool:
-        """Whether the next request needs no new process."""
+        """Return whether the next request needs no new process."""
         return self._child is not None
 
     def ask(
